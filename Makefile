@@ -4,7 +4,7 @@ export PYTHON
 RUN := scripts/workspace run
 STUDIES := python -m studies
 
-.PHONY: help demo view pictures renders docs test lint docs-check prepare fleet fleet-study bench studies before-after robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover height-scan friction tracks laws records replay-speed
+.PHONY: help demo view pictures renders docs test lint docs-check prepare fleet fleet-study bench studies robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover height-scan friction tracks laws records replay-speed
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -55,9 +55,6 @@ laws:  ## laws of contact, and how far runs drift apart, in each engine (about f
 
 records:  ## terrain tax, touchdown and size of cells, beside other engines (about four minutes; ARGS=--quick: one)
 	@$(RUN) studies -- $(STUDIES) records $(ARGS)
-
-before-after:  ## the code of another checkout against this one's: BEFORE=/path/to/it, ARGS=--quick for a few scenes
-	@$(RUN) studies -- $(STUDIES) accuracy --charts-only --before "$(BEFORE)" $(ARGS)
 
 robots:  ## robots on rough and moving ground, beside other engines (about seven minutes; ARGS=--quick: two)
 	@$(RUN) studies -- $(STUDIES) robots $(ARGS)

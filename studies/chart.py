@@ -14,21 +14,19 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from matplotlib.transforms import Bbox
 
 from studies.configurations import Family
-from studies.contest import Result
-from studies.front import MEASURES, Measure, distance_of, measures_of, pareto_front
+from studies.contest import MEASURES, Measure, Result, distance_of, measures_of, pareto_front
 
-COLOURS: dict[Family, str] = {
-    "ours": "#0b6e4f",
-    "ours, less": "#7bc8a4",
-    "report": "#c1666b",
-    "whole map": "#8d6a9f",
-    "MuJoCo": "#1f77b4",
-    "PhysX": "#e08e0b",
-    "Rapier": "#6b6b6b",
+_LOOKS: dict[Family, tuple[str, str]] = {
+    "ours": ("#0b6e4f", "o"),
+    "ours, less": ("#7bc8a4", "o"),
+    "report": ("#c1666b", "s"),
+    "whole map": ("#8d6a9f", "D"),
+    "MuJoCo": ("#1f77b4", "^"),
+    "PhysX": ("#e08e0b", "v"),
+    "Rapier": ("#6b6b6b", "P"),
 }
-MARKERS: dict[Family, str] = {
-    "ours": "o", "ours, less": "o", "report": "s", "whole map": "D", "MuJoCo": "^", "PhysX": "v", "Rapier": "P",
-}  # fmt: skip
+COLOURS, MARKERS = ({family: look[part] for family, look in _LOOKS.items()} for part in (0, 1))
+PLAIN = FuncFormatter(lambda value, _: f"{value:g}")  # numbers without powers of ten
 WORDS: dict[Measure, str] = {
     "distance": "from the ground while held up, 99 % [mm]",
     "deviation": "from the reference after 1 s, median [mm]",
@@ -55,9 +53,7 @@ README_LINES: tuple[tuple[Family, dict[str, str], str, tuple[float, float]], ...
 FAR = 1.0
 
 
-def draw_scene(
-    path: Path, title: str, results: Mapping[str, Result], families: Mapping[str, Family], unit: str = "body"
-) -> None:
+def draw_scene(path: Path, title: str, results: Mapping[str, Result], unit: str) -> None:
     """One scene: every configuration a point in both panels, ringed if it is on the front over cost and both; the front
     of each panel a line. ``unit``: what the cost is of."""
     figure = Figure(figsize=(17.0, 7.0), dpi=80)
@@ -65,21 +61,15 @@ def draw_scene(
         axes = figure.add_axes((0.05 + 0.44 * column, 0.09, 0.385, 0.82))
         axes.set_ylabel(WORDS[measure])
         axes.set_xlabel(f"cost: update and step, per {unit} and simulated second [ms]")
-        _plot(axes, measure, results, families, labels=True)
+        _plot(axes, measure, results, labels=True)
         if column == 0:
             axes.set_title(title, loc="left")
-            handles = _legend({families[name] for name in results})
+            handles = _legend(results.values())
             figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.89, 0.92), frameon=False, fontsize=9)
     figure.savefig(path)
 
 
-def draw_all(
-    path: Path,
-    titles: Mapping[str, str],
-    results: Mapping[str, Mapping[str, Result]],
-    families: Mapping[str, Family],
-    unit: str = "body",
-) -> None:
+def draw_all(path: Path, titles: Mapping[str, str], results: Mapping[str, Mapping[str, Result]], unit: str) -> None:
     """All scenes, by their names in ``titles``, as pairs of small charts on common axes."""
     rows = math.ceil(len(titles) / PAIRS)
     figure = Figure(figsize=(7.2 * PAIRS, 2.7 * rows + 0.8), layout="constrained")
@@ -91,7 +81,7 @@ def draw_all(
             shared = first.get(measure)
             axes = figure.add_subplot(grid[row, 2 * pair + column], sharex=first.get("distance"), sharey=shared)
             first.setdefault(measure, axes)
-            _plot(axes, measure, results[scene], families, labels=False)
+            _plot(axes, measure, results[scene], labels=False)
             axes.tick_params(which="both", labelsize=7)
             for axis in (axes.xaxis, axes.yaxis):
                 axis.set_minor_formatter(NullFormatter())
@@ -99,15 +89,16 @@ def draw_all(
                 axes.set_title(fill(title, max(40, round(0.6 * len(title)))), fontsize=8, loc="left")
             else:
                 axes.set_title("deviation", fontsize=7, loc="right", color="0.4")
-    handles = _legend({families[name] for found in results.values() for name in found})
+    handles = _legend([one for found in results.values() for one in found.values()])
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), frameon=False)
     words = f"left: {WORDS['distance']}; right: {WORDS['deviation']}; crosses on top: lost"
     figure.supxlabel(f"cost: update and step, per {unit} and simulated second [ms]\n{words}")
     figure.savefig(path, dpi=80)
 
 
-def _legend(families: Collection[Family]) -> list[Any]:
+def _legend(results: Collection[Result]) -> list[Any]:
     """Return the entries of a legend, without families that have no points."""
+    families = {one.family for one in results}
     handles: list[Any] = [
         Line2D([], [], linestyle="", marker=MARKERS[family], color=COLOURS[family], label=family)
         for family in COLOURS
@@ -119,60 +110,52 @@ def _legend(families: Collection[Family]) -> list[Any]:
     return [*handles, ring, Line2D([], [], linestyle="--", color="0.35", linewidth=1.0, label="front of the panel")]
 
 
-def _plot(
-    axes: Any, measure: Measure, results: Mapping[str, Result], families: Mapping[str, Family], *, labels: bool
-) -> None:
+def _plot(axes: Any, measure: Measure, results: Mapping[str, Result], *, labels: bool) -> None:
     if measure not in measures_of(results):
         axes.text(0.5, 0.5, "no reference", ha="center", va="center", transform=axes.transAxes, color="0.5", fontsize=8)
         return
     axes.set_xscale("log")
     axes.set_yscale("log")
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_major_formatter(PLAIN)
         axis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}" if f"{value:.0e}"[0] in "25" else ""))
         axis.set_tick_params(which="minor", labelsize=8)
-    error_of = MEASURES[measure]
-    finite = [error_of(result) for result in results.values() if math.isfinite(error_of(result))]
-    top = 1e3 * 3.0 * max([*finite, 1e-2])
-    on_front = set(pareto_front(results))
+    error_of, on_front = MEASURES[measure], set(pareto_front(results))
+    run = {name: one for name, one in results.items() if one.cost > 0.0}
+    spots = {name: (one.cost / 1e3, 1e3 * error_of(one)) for name, one in run.items() if math.isfinite(error_of(one))}
+    top = 3.0 * max([10.0, *(error for _, error in spots.values())])
+    lost = {name: (one.cost / 1e3, top) for name, one in run.items() if one.lost}
     for family in COLOURS:
-        mine = {name: one for name, one in results.items() if families[name] == family and one.cost > 0.0}
-        kept = {name: one for name, one in mine.items() if math.isfinite(error_of(one))}
-        lost = [one for one in mine.values() if one.lost]
+        kept, gone = ([name for name in those if run[name].family == family] for those in (spots, lost))
         axes.scatter(
-            [one.cost / 1e3 for one in kept.values()], [1e3 * error_of(one) for one in kept.values()],
+            [spots[name][0] for name in kept], [spots[name][1] for name in kept],
             c=COLOURS[family], marker=MARKERS[family], s=46 if labels else 22, zorder=3,
             edgecolors=["black" if name in on_front else "white" for name in kept],
             linewidths=[1.3 if name in on_front else 0.5 for name in kept],
         )  # fmt: skip
-        axes.scatter([one.cost / 1e3 for one in lost], [top] * len(lost), c=COLOURS[family], marker="x", zorder=3)
-    front = [results[name] for name in pareto_front(results, (measure,))]
+        axes.scatter([lost[name][0] for name in gone], [top] * len(gone), c=COLOURS[family], marker="x", zorder=3)
+    front = [spots[name] for name in pareto_front(results, (measure,))]
     axes.step(
-        [one.cost / 1e3 for one in front], [1e3 * error_of(one) for one in front], where="post", color="0.35",
-        linewidth=1.0, linestyle="--", zorder=2,
+        [cost for cost, _ in front], [error for _, error in front], where="post", color="0.35", linewidth=1.0,
+        linestyle="--", zorder=2,
     )  # fmt: skip
     axes.grid(visible=True, which="major", alpha=0.3)
     if labels:
         axes.margins(x=0.14, y=0.1)
         axes.autoscale_view()
-        spots = {
-            name: (one.cost / 1e3, top if one.lost else 1e3 * error_of(one))
-            for name, one in results.items()
-            if one.cost > 0.0 and (one.lost or math.isfinite(error_of(one)))
-        }
-        texts = {name: f"{name} ({results[name].lost} lost)" if results[name].lost else name for name in spots}
-        _label(axes, spots, texts, families)
+        texts = {name: f"{name} ({one.lost} lost)" if one.lost else name for name, one in run.items()}
+        _label(axes, spots | lost, texts, {name: COLOURS[one.family] for name, one in run.items()})
 
 
 def _label(
-    axes: Any, places: Mapping[str, tuple[float, float]], texts: Mapping[str, str], families: Mapping[str, Family]
+    axes: Any, places: Mapping[str, tuple[float, float]], texts: Mapping[str, str], colours: Mapping[str, str]
 ) -> None:
     """Writes the names beside the points, each where it covers no other and stays within the panel."""
     right = axes.bbox.x1
     spots = {name: axes.transData.transform(place) for name, place in places.items()}
     taken: list[Bbox] = []
-    for name, text in texts.items():
-        x, y = spots[name]
+    for name, (x, y) in spots.items():
+        text = texts[name]
         width = 4.6 * len(text)
         offsets = [(6.0, 10.0 * shift + 6.0) for shift in (0, -1, 1, -2, 2, -3, 3, -4, 4)]
         offsets += [(-width - 6.0, offset) for _, offset in offsets]
@@ -183,7 +166,7 @@ def _label(
         taken.append(boxes[chosen])
         axes.annotate(
             text, (x, y), xycoords="figure pixels", xytext=(x + dx, y + dy), textcoords="figure pixels", fontsize=7,
-            color=COLOURS[families[name]], va="center", annotation_clip=False,
+            color=colours[name], va="center", annotation_clip=False,
             arrowprops={"arrowstyle": "-", "color": "0.8", "linewidth": 0.5} if abs(dy) > 12.0 else None,
         )  # fmt: skip
 
@@ -212,7 +195,7 @@ def draw_readme(path: Path, results: Mapping[str, Result]) -> None:
     axes.text(0.99, 0.02, f"hollow: half of the bodies end more than {FAR:g} m from where they belong", ha="right",
               transform=axes.transAxes, fontsize=10, color="0.35")  # fmt: skip
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_major_formatter(PLAIN)
         axis.set_tick_params(labelsize=11)
     axes.grid(visible=True, alpha=0.3)
     figure.savefig(path)

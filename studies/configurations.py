@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Literal
 
-from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros import PhysicsConfig
 from smartmesh_ros.tools.replay.parameters import PRESETS, preset_folder, preset_values, settings_of
 from studies.engines.engine import GroundSetup, build, missing
 from studies.report.config import ReportConfig
@@ -63,20 +62,15 @@ REPORT = (
 )
 
 
-def read_presets() -> dict[str, dict[str, Any]]:
-    """Return the parameter files that come with the package by name, as options; none if they are not installed."""
-    if preset_folder() is None:
-        return {}
-    worlds = {name: settings_of(preset_values(name)).world for name in PRESETS}
-    return {name: {"physics": world.physics} for name, world in worlds.items()}
-
-
 def _presets(engine: str) -> list[Configuration]:
+    """Return the parameter files that come with the package; none if they are not installed."""
+    names = () if preset_folder() is None else PRESETS
+    found = {name: settings_of(preset_values(name)).world.physics for name in names}
     return [
         Configuration(
-            name=f"preset {name}", family="ours", engine=engine, options=options, rate=options["physics"].rate
+            name=f"preset {name}", family="ours", engine=engine, options={"physics": physics}, rate=physics.rate
         )
-        for name, options in read_presets().items()
+        for name, physics in found.items()
     ]
 
 
@@ -117,14 +111,6 @@ def rivals() -> list[Configuration]:
 def configurations(*, quick: bool) -> list[Configuration]:
     """All points of the chart of bodies, or those of the quick run."""
     return _chosen([*OURS, *_presets("smartmesh"), *REPORT, *rivals()], quick=quick)
-
-
-def checkouts(before: Path) -> list[Configuration]:
-    """Our defaults by the code of this checkout and of another: each in a process of its own, as equals."""
-    return [
-        Configuration(name="defaults", family="ours", engine="checkout"),
-        Configuration(name="before", family="ours, less", engine="checkout", options={"folder": before}),
-    ]
 
 
 def robot_configurations(*, quick: bool) -> list[Configuration]:

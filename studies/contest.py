@@ -1,24 +1,28 @@
-"""Runs one scene in many engines in turns, and measures cost and accuracy of each."""
+"""Runs one scene in many engines in turns, measures cost and accuracy of each, and compares them by the Pareto front.
+
+A result is accurate if bodies are near the ground while something holds them up, and where they belong: penetration
+alone would reward leaving the ground.
+"""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from time import process_time
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros import InputError
 from smartmesh_ros.scenes.moving import Scene as MovingGround
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.measures import BoolArray, held_up, penetration
-from studies.configurations import Configuration
-from studies.engines.checkout import Checkout
+from studies.configurations import Configuration, Family
 from studies.engines.engine import Links
+from studies.running import say
 
 # Step rate of references [Hz], and instant of the comparison with them [s]. A later comparison is meaningless, because
 # repeated contacts make the motion chaotic.
@@ -32,8 +36,8 @@ class Result:
 
     ``cost`` [us]: processor time of update and step, per body and simulated second, median; ``spread``: its quartiles
     [us]; ``update``: the ground's share of it [us], NaN = not told apart. Then `Penetration`'s figures [m]; deviation
-    from the reference after one second, median and largest over the bodies [m], NaN = none; how long it ran [s];
-    ``note``: why it did not run, or not long.
+    from the reference after one second, median and largest over the bodies [m], NaN = none; ``note``: why it
+    did not run, or not long; ``family`` of its configuration.
     """
 
     cost: float = math.nan
@@ -47,8 +51,8 @@ class Result:
     bodies: int = 0
     deviation: float = math.nan
     most_deviation: float = math.nan
-    ran: float = 0.0
     note: str = ""
+    family: Family = "ours"
 
 
 class Sample:
@@ -97,6 +101,18 @@ class Contest(ABC):
     def reference(self) -> FloatArray | None:
         """Return the true places (N, 3) [m] after `HORIZON`; None = there is no reference."""
 
+    def places_in(self, engine: Any, ground: MovingGround, maps: range) -> FloatArray:
+        """Return the places (N, 3) [m] after `HORIZON` in an engine at `FINE_RATE` that gets maps of a ground before
+        these steps, and end it."""
+        with engine:
+            for step in range(math.floor(HORIZON * FINE_RATE + 0.5)):
+                time = step / FINE_RATE
+                self.act(engine, time)
+                if step in maps:
+                    engine.set_ground(engine.ready(ground.heights(time)))
+                engine.step()
+            return np.asarray(engine.links().centres)
+
 
 class Runner:
     """One configuration in a contest: steps and times it, and keeps samples by their instants [s]."""
@@ -104,7 +120,7 @@ class Runner:
     def __init__(self, contest: Contest, configuration: Configuration) -> None:
         self.configuration, self.note = configuration, ""
         self.samples: dict[float, Sample] = {}
-        self.times: list[tuple[float, float]] = []  # of each piece, per simulated second: update, step [s]
+        self.times: list[tuple[float, ...]] = []  # of each piece, per simulated second: update, step [s]
         self._contest = contest
         self._steps, self._map = 0, 0
         self._used = np.zeros(2)
@@ -116,47 +132,38 @@ class Runner:
         return self._steps / self.configuration.rate
 
     def run_piece(self, instants: Sequence[float]) -> None:
-        """Advance over the instants of a piece, and note what a simulated second took."""
-        began, before = self.time, self._used.copy()
-        for instant in instants:
-            if not self.note:
-                self._advance(instant)
-        if began >= self._contest.timed_from and self.time > began:
-            update, step = ((self._used - before) / (self.time - began)).tolist()
-            self.times.append((update, step))
-
-    def _advance(self, until: float) -> None:
-        """Step to ``until`` [s] and take a sample; stop if that takes too much processor time."""
+        """Advance over the instants of a piece, take a sample at each, and note what a simulated second took; stop if
+        that takes too much processor time."""
         engine, contest, rate = self.engine, self._contest, self.configuration.rate
-        last = round(until * rate)
-        before = engine.velocities()
-        while self._steps < last:
-            if self._used.sum() > contest.patience:
-                self.note = f"stopped after {self.time:.2f} s: too slow"
-                return
-            number = math.floor(self.time * contest.scene.map_rate + 1e-6)
-            ready = None
-            if number != self._map:
-                ready = engine.ready(contest.maps(number))
-                self._map = number
-            contest.act(engine, self.time)
-            if self._steps == last - 1:
-                before = engine.velocities()
-            start = process_time()
-            if ready is not None:
-                engine.set_ground(ready)
-            middle = process_time()
-            engine.step()
-            end = process_time()
-            # Another checkout runs in a process of its own, which measures itself.
-            taken = engine.taken() if isinstance(engine, Checkout) else (middle - start, end - middle)
-            self._used += np.array(taken)
-            self._steps += 1
-        held = held_up(before[:, :3], engine.velocities()[:, :3], 1.0 / rate)
-        self.samples[until] = Sample(engine.links(), held)
+        began, used = self.time, self._used.copy()
+        for instant in instants:
+            before, last = engine.velocities(), round(instant * rate)
+            while self._steps < last and not self.note:
+                if self._used.sum() > contest.patience:
+                    self.note = f"stopped after {self.time:.2f} s: too slow"
+                    continue
+                ready, number = None, math.floor(self.time * contest.scene.map_rate + 1e-6)
+                if number != self._map:
+                    ready, self._map = engine.ready(contest.maps(number)), number
+                contest.act(engine, self.time)
+                if self._steps == last - 1:
+                    before = engine.velocities()
+                start = process_time()
+                if ready is not None:
+                    engine.set_ground(ready)
+                middle = process_time()
+                engine.step()
+                self._used += (middle - start, process_time() - middle)
+                self._steps += 1
+            if self.note:
+                break
+            held = held_up(before[:, :3], engine.velocities()[:, :3], 1.0 / rate)
+            self.samples[instant] = Sample(engine.links(), held)
+        if began >= contest.timed_from and self.time > began:
+            self.times.append(tuple(((self._used - used) / (self.time - began)).tolist()))
 
 
-def run(contest: Contest, chosen: Sequence[Configuration], say: Callable[[str], None]) -> dict[str, Result]:
+def run(contest: Contest, chosen: Sequence[Configuration]) -> dict[str, Result]:
     """Run a scene in every configuration, taking turns piece by piece."""
     scene = contest.scene
     results: dict[str, Result] = {}
@@ -179,7 +186,7 @@ def run(contest: Contest, chosen: Sequence[Configuration], say: Callable[[str], 
     for runner in runners:
         results[runner.configuration.name] = _result(contest, runner, reference)
         runner.engine.close()
-    return {configuration.name: results[configuration.name] for configuration in chosen}
+    return {one.name: replace(results[one.name], family=one.family) for one in chosen}
 
 
 def _result(contest: Contest, runner: Runner, reference: FloatArray | None) -> Result:
@@ -198,4 +205,89 @@ def _result(contest: Contest, runner: Runner, reference: FloatArray | None) -> R
     if reference is not None and HORIZON in runner.samples:
         apart = np.linalg.norm(runner.samples[HORIZON].links.centres - reference, axis=1)
         more |= {"deviation": float(np.median(apart)), "most_deviation": float(apart.max())}
-    return Result(cost=middle, spread=(low, high), **asdict(found), **more, ran=runner.time, note=runner.note)
+    return Result(cost=middle, spread=(low, high), **asdict(found), **more, note=runner.note)
+
+
+# Distances and deviations below this count as none [m]. Bodies at rest in PyBullet overlap by half of it.
+FLOOR = 2e-5
+
+Measure = Literal["distance", "deviation"]
+
+
+def distance_of(result: Result) -> float:
+    """Return the distance from the ground [m] of bodies that something holds up: the larger of penetration and hover,
+    99 %; infinite where bodies are lost or none was measured."""
+    if result.lost or math.isnan(result.p99):
+        return math.inf
+    return max(result.p99, 0.0 if math.isnan(result.hover) else result.hover, FLOOR)
+
+
+def deviation_of(result: Result) -> float:
+    """Return the deviation from the reference after a second [m], median over the bodies; infinite where bodies are
+    lost or it was not measured."""
+    return math.inf if result.lost or math.isnan(result.deviation) else max(result.deviation, FLOOR)
+
+
+MEASURES: dict[Measure, Callable[[Result], float]] = {"distance": distance_of, "deviation": deviation_of}
+
+
+def measures_of(results: Mapping[str, Result]) -> tuple[Measure, ...]:
+    """Return the measures of a scene; without a reference there is no deviation."""
+    has_reference = any(not math.isnan(result.deviation) for result in results.values())
+    return ("distance", "deviation") if has_reference else ("distance",)
+
+
+def lasting(results: Mapping[str, Result]) -> dict[str, Result]:
+    """Return the results that were measured and lost no bodies."""
+    return {name: one for name, one in results.items() if one.cost > 0.0 and math.isfinite(distance_of(one))}
+
+
+def pareto_front(results: Mapping[str, Result], measures: tuple[Measure, ...] | None = None) -> list[str]:
+    """Return the names of the results that no other one beats in cost and all ``measures`` (None = the scene's), sorted
+    by cost, without results that lost bodies."""
+    chosen = measures_of(results) if measures is None else measures
+    points = {name: (one.cost, *(MEASURES[by](one) for by in chosen)) for name, one in lasting(results).items()}
+    front = [
+        name
+        for name, point in points.items()
+        if not any(other != point and all(np.less_equal(other, point)) for other in points.values())
+    ]
+    return sorted(front, key=lambda name: points[name])
+
+
+def only_by(results: Mapping[str, Result]) -> dict[str, str]:
+    """Return for each result on the front by which measure alone it is there: the one whose own front over cost and
+    that measure has it; empty if both have, or there is one measure; "both together" if neither has."""
+    measures = measures_of(results)
+    fronts = {measure: pareto_front(results, (measure,)) for measure in measures}
+    found: dict[str, str] = {}
+    for name in pareto_front(results):
+        by = [measure for measure in measures if name in fronts[measure]]
+        found[name] = "" if len(by) == len(measures) else (by[0] if by else "both together")
+    return found
+
+
+def beyond_all(ours: Mapping[str, Result], rivals: Mapping[str, Result]) -> list[str]:
+    """Return rivals that are both faster and more accurate than all of our results: in the distance from the ground
+    and, if it was measured, in the deviation from the reference."""
+    return [
+        name
+        for name, rival in lasting(rivals).items()
+        if all(
+            rival.cost < own.cost and distance_of(rival) < distance_of(own) and not rival.deviation > own.deviation
+            for own in ours.values()
+        )
+    ]
+
+
+def cheapest_as_accurate(
+    results: Mapping[str, Result], distance: float = math.inf, deviation: float = math.inf
+) -> str | None:
+    """Return the cheapest of the results that are at most so far from the ground and from the reference [m] and lost no
+    bodies, None = there is none."""
+    good = {
+        name: one.cost
+        for name, one in lasting(results).items()
+        if distance_of(one) <= distance and deviation_of(one) <= deviation
+    }
+    return min(good, key=lambda name: (good[name], name), default=None)

@@ -1,4 +1,4 @@
-"""Blocks of the pages that studies write, each marked with a digest of the code it was measured with.
+"""Markdown that studies write: tables, and blocks of pages, each marked with a digest of the code it was measured with.
 
 A block stands between ``<!-- generated: NAME of SUBJECT, code DIGEST -->`` and ``<!-- end -->``. The subject says which
 rooms the figures depend on. The digest covers the code of these rooms without comments and docstrings, so that better
@@ -10,19 +10,20 @@ from __future__ import annotations
 import argparse
 import ast
 import hashlib
+import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros import InputError
 
 ROOT = Path(__file__).parents[1]
-_CORE = ("core", "terrain", "ground", "world", "../studies/report")
+_CORE = ("core", "terrain", "ground", "world")
 # The rooms that the figures of a block depend on, by its subject: folders, from that of the package.
 SUBJECTS = {
-    "core": _CORE,
+    "core": (*_CORE, "../studies/report"),
     "soil": ("core", "terrain", "soil"),
     "node": (*_CORE, "node"),
     "tuner": (*_CORE, "tools/evaluation", "tools/replay", "tools/tune"),
@@ -76,21 +77,16 @@ def digest(sources: Mapping[str, str]) -> str:
     """Digest of Python and C++ sources by file name, without their comments and docstrings."""
     total = hashlib.sha256()
     for name, source in sources.items():
-        code = _python_code(source) if name.endswith(".py") else _cpp_code(source)
+        if name.endswith(".py"):
+            tree = ast.parse(source)
+            for node in ast.walk(tree):
+                if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+                    node.body = node.body[ast.get_docstring(node, clean=False) is not None :]
+            code = ast.dump(tree)
+        else:
+            code = " ".join(re.sub(r"//[^\n]*|/\*.*?\*/", " ", source, flags=re.DOTALL).split())
         total.update(f"{name}\0{code}\0".encode())
     return total.hexdigest()[:12]
-
-
-def _python_code(source: str) -> str:
-    tree = ast.parse(source)
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-            node.body = node.body[ast.get_docstring(node, clean=False) is not None :]
-    return ast.dump(tree)
-
-
-def _cpp_code(source: str) -> str:
-    return " ".join(re.sub(r"//[^\n]*|/\*.*?\*/", " ", source, flags=re.DOTALL).split())
 
 
 def stale_blocks(folder: Path) -> list[str]:
@@ -112,3 +108,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     stale = stale_blocks(pages)
     print("\n".join([*stale, f"{len(stale)} of {total} generated blocks are older than the code they measure"]))
     return 1 if stale else 0
+
+
+def number(value: float) -> str:
+    """Three significant digits, without an exponent; - where there is none."""
+    if math.isnan(value):
+        return "-"
+    if value == 0.0:
+        return "0"
+    return f"{value:.{max(2 - math.floor(math.log10(abs(value))), 0)}f}"
+
+
+def times(ratio: float) -> str:
+    """A ratio, as 3.2x."""
+    return "-" if math.isnan(ratio) else f"{ratio:.2g}x" if ratio < 10 else f"{ratio:,.0f}x"
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table; the first column is text, the others are numbers."""
+    lines = ["| " + " | ".join(cells) + " |" for cells in (header, *rows)]
+    return "\n".join([lines[0], "|---|" + "---:|" * (len(header) - 1), *lines[1:]])

@@ -69,9 +69,8 @@ def speed(bodies: list[str], messages: list[Message], topics: tuple[str, ...] | 
 def main() -> None:
     """Measure, and write the table."""
     silence_pybullet()
-    from studies.machine import short
-    from studies.markdown import number, table
-    from studies.pages import fill
+    from studies.pages import fill, number, table
+    from studies.running import short
 
     rows = []
     for case, (bodies, make) in CASES.items():

@@ -14,7 +14,7 @@ from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import Ground, HeightMap
 from smartmesh_ros.terrain.grid import FloatArray
-from studies.progress import Progress
+from studies.running import say
 from studies.tiny_renderer import Camera, Stage
 
 STEPS, MAPS = 240, 60  # rates of physics and of the maps [Hz]
@@ -125,17 +125,9 @@ def surfaces(time: float) -> tuple[tuple[FloatArray, Any], ...]:
     return (behind, SAND), (cut, CUT)
 
 
-def label(strip: Image.Image, way: str, depth: float) -> None:
-    """Write on a picture what carries the bodies, and how deep [m] the deepest of them is."""
-    write, font = ImageDraw.Draw(strip), ImageFont.load_default(size=19)
-    write.text((12, 4), way, "black", font)
-    words = f"deepest body: {1e3 * depth:.0f} mm below ground"
-    write.text((CAMERA.width - 12, 4), words, RED if depth > DEEP else "black", font, anchor="ra")
-
-
 def main() -> None:
     """Run both simulations, and write the pictures."""
-    say, stage = Progress(), Stage()
+    stage, font = Stage(), ImageFont.load_default(size=19)
     drawn = [
         stage.add(pb.GEOM_BOX, PLUM, halfExtents=[HALF] * 3) if box else stage.add(pb.GEOM_SPHERE, BLUE, radius=HALF)
         for box in (False, True, False, True, False)
@@ -149,12 +141,15 @@ def main() -> None:
             for body, pose in zip(drawn, poses, strict=True):
                 stage.client.resetBasePositionAndOrientation(body, *pose)
             strip = Image.fromarray(stage.shoot(CAMERA).colours)
-            label(strip, way, float(depths.max()))
+            deep, write = float(depths.max()), ImageDraw.Draw(strip)
+            write.text((12, 4), way, "black", font)
+            words = f"deepest body: {1e3 * deep:.0f} mm below ground"
+            write.text((CAMERA.width - 12, 4), words, RED if deep > DEEP else "black", font, anchor="ra")
             picture.paste(strip, (0, row * CAMERA.height))
-            deepest[way] = max(deepest[way], float(depths.max()))
+            deepest[way] = max(deepest[way], deep)
         pictures.append(picture.quantize(64, dither=Image.Dither.NONE))
         say(f"{len(pictures)} pictures of {round(FRAMES * SHOWN)}")
-    stage.close()
+    stage.client.disconnect()
     pictures[0].save(OUT, save_all=True, append_images=pictures[1:], duration=50, loop=0, optimize=True)
     for way, most in deepest.items():
         print(f"\n{way}: at most {1e3 * most:.1f} mm below the ground", end="")

@@ -10,13 +10,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from studies.chart import draw_all, draw_scene
-from studies.configurations import Configuration, Family
-from studies.contest import Result
-from studies.front import beyond_all, cheapest_as_accurate, deviation_of, distance_of, measures_of, only_by
-from studies.machine import describe, measured_on
-from studies.markdown import table
-from studies.pages import blocks_of, fill
-from studies.results_file import save_results
+from studies.contest import Result, beyond_all, cheapest_as_accurate, deviation_of, distance_of, measures_of, only_by
+from studies.pages import blocks_of, fill, table
+from studies.running import describe, measured_on, save_results
 
 OURS = ("ours", "ours, less")
 
@@ -49,45 +45,31 @@ def scene_table(results: Mapping[str, Result]) -> str:
     return table(header, rows)
 
 
-def summary_table(
-    titles: Mapping[str, str], results: Mapping[str, Mapping[str, Result]], families: Mapping[str, Family]
-) -> str:
+def summary_table(titles: Mapping[str, str], results: Mapping[str, Mapping[str, Result]]) -> str:
     """One row a scene, by its name in ``titles``: the defaults, and how they stand against the rivals."""
-    rows = []
-    for scene, title in titles.items():
-        found = results[scene]
-        ours = {name: result for name, result in found.items() if families[name] in OURS}
-        rivals = {name: result for name, result in found.items() if families[name] not in OURS}
-        own = found["defaults"]
-        both = deviation_of(own) if len(measures_of(found)) > 1 else math.inf
-        fastest = cheapest_as_accurate(rivals)
-        rows.append(
-            [
-                title, f"{own.cost / 1e3:.2f}", _mm(distance_of(own)), _mm(own.deviation),
-                f"{own.lost} of {own.bodies}",
-                _factor(rivals, cheapest_as_accurate(rivals, distance_of(own)), own),
-                _factor(rivals, cheapest_as_accurate(rivals, distance_of(own), both), own),
-                "-" if fastest is None else f"{_factor(rivals, fastest, own)}, {_mm(distance_of(found[fastest]))} mm",
-                ", ".join(beyond_all(ours, rivals)) or "none",
-            ]
-        )  # fmt: skip
     header = [
         "scene", "defaults: cost [ms]", "distance [mm]", "deviation [mm]", "lost",
         "cheapest rival no further from the ground", "nor from the reference", "cheapest rival, and its distance",
         "faster and more accurate than all of ours",
     ]  # fmt: skip
+    rows = []
+    for scene, title in titles.items():
+        found = results[scene]
+        ours = {name: result for name, result in found.items() if result.family in OURS}
+        rivals = {name: result for name, result in found.items() if result.family not in OURS}
+        own, distance = found["defaults"], distance_of(found["defaults"])
+        both = deviation_of(own) if len(measures_of(found)) > 1 else math.inf
+        row = [title, f"{own.cost / 1e3:.2f}", _mm(distance), _mm(own.deviation), f"{own.lost} of {own.bodies}"]
+        for within in ((distance, math.inf), (distance, both), (math.inf, math.inf)):
+            name = cheapest_as_accurate(rivals, *within)
+            row.append("none" if name is None else f"{name}: {rivals[name].cost / own.cost:.2g} x")
+        row[-1] = "-" if name is None else f"{row[-1]}, {_mm(distance_of(found[name]))} mm"
+        rows.append([*row, ", ".join(beyond_all(ours, rivals)) or "none"])
     return table(header, rows)
-
-
-def _factor(rivals: Mapping[str, Result], name: str | None, own: Result) -> str:
-    return "none" if name is None else f"{name}: {rivals[name].cost / own.cost:.2g} x"
 
 
 def _mm(metres: float) -> str:
     return f"{1e3 * metres:.2f}" if math.isfinite(metres) else "-"
-
-
-Results = dict[str, dict[str, Result]]
 
 
 class Charts(NamedTuple):
@@ -142,32 +124,26 @@ class Charts(NamedTuple):
         return out, f"{measured_on(found)}."
 
     def run(
-        self,
-        out: Path,
-        scenes: Mapping[str, Any],
-        chosen: Sequence[Configuration],
-        run: Callable[[Any], dict[str, Result]],
-        machine: str,
-    ) -> tuple[Results, dict[str, str]]:
+        self, out: Path, scenes: Mapping[str, Any], run: Callable[[Any], dict[str, Result]], machine: str
+    ) -> tuple[dict[str, dict[str, Result]], dict[str, str]]:
         """Return the results of ``scenes``, which have their captions as keys, by ``run``, and blocks of the page.
         Each scene is drawn and kept at once; then come the picture and the tables of all."""
-        families = {one.name: one.family for one in chosen}
         titles = {scene.name: scene.title for scene in scenes.values()}
-        results: Results = {}
+        results: dict[str, dict[str, Result]] = {}
         parts = [f"# {self.name.capitalize()}: every figure of every scene\n"]
         parts.append(
             f"Written by `{self.command}`. {machine}\nSee [{self.title}]({self.page}) for what the figures mean.\n"
         )
         for caption, scene in scenes.items():
             found = results[scene.name] = run(scene)
-            draw_scene(self.images(out) / f"{scene.name}.png", caption, found, families, self.unit)
+            draw_scene(self.images(out) / f"{scene.name}.png", caption, found, self.unit)
             kept = {name: {one: asdict(result) for one, result in of.items()} for name, of in results.items()}
             save_results(self.data(out), {"scenes": kept})
             picture = f"![](images/{self.name}/{scene.name}.png)"
             parts.append(f"## {scene.title}\n\n{picture}\n\n{scene_table(found)}\n")
-        draw_all(self.images(out) / "all.png", titles, results, families, self.unit)
+        draw_all(self.images(out) / "all.png", titles, results, self.unit)
         (out / self.tables).write_text("\n".join(parts))
-        return results, {"summary": summary_table(titles, results, families)}
+        return results, {"summary": summary_table(titles, results)}
 
     def write(self, out: Path, blocks: Mapping[str, str]) -> None:
         """Replace the blocks of the page."""

@@ -10,8 +10,8 @@ import pybullet as pb
 from numpy.typing import NDArray
 from pybullet_utils.bullet_client import BulletClient
 
+from smartmesh_ros import HeightMap
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.trimesh import grid_triangles
 
 NEAR, FAR = 0.2, 60.0  # planes of the camera [m]
@@ -61,10 +61,6 @@ class Stage:
         self.client = BulletClient(pb.DIRECT)
         self.ground: list[int] = []
 
-    def close(self) -> None:
-        """End the client."""
-        self.client.disconnect()
-
     def add(self, shape: int, colour: tuple[float, float, float], **settings: Any) -> int:
         """Return the id of a new body with the form ``shape``, such as ``pybullet.GEOM_BOX``."""
         visual = self.client.createVisualShape(shape, rgbaColor=(*colour, 1.0), **settings)
@@ -74,7 +70,13 @@ class Stage:
         """Draw ``surfaces`` from now on: points (rows, columns, 3) [m] and a colour each."""
         for uid in self.ground:
             self.client.removeBody(uid)
-        self.ground = [self._surface(points, colour) for points, colour in surfaces]
+        self.ground = []
+        for points, colour in surfaces:
+            normals = np.cross(np.gradient(points, axis=1), np.gradient(points, axis=0)).reshape(-1, 3)
+            normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+            triangles = grid_triangles(*points.shape[:2])
+            mesh = {"vertices": points.reshape(-1, 3).tolist(), "indices": triangles.ravel().tolist()}
+            self.ground.append(self.add(pb.GEOM_MESH, colour, normals=normals.tolist(), **mesh))
 
     def replace_heights(self, ground: HeightMap, colour: tuple[float, float, float]) -> None:
         """Draw a map from now on, in tiles: PyBullet draws no mesh of all samples."""
@@ -82,14 +84,6 @@ class Stage:
         points = ground.geometry.to_world(rows, columns)
         points = np.dstack([points[..., :2], ground.heights.astype(np.float64)])
         self.replace_ground(*((points[row : row + TILE + 1], colour) for row in range(0, len(points) - 1, TILE)))
-
-    def _surface(self, points: FloatArray, colour: tuple[float, float, float]) -> int:
-        normals = np.cross(np.gradient(points, axis=1), np.gradient(points, axis=0)).reshape(-1, 3)
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        return self.add(
-            pb.GEOM_MESH, colour, vertices=points.reshape(-1, 3).tolist(), normals=normals.tolist(),
-            indices=grid_triangles(*points.shape[:2]).ravel().tolist(),
-        )  # fmt: skip
 
     def shoot(self, camera: Camera) -> Shot:
         """Take a picture."""

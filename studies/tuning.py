@@ -5,12 +5,8 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from smartmesh_ros.startup.executables import silence_pybullet
-
-if TYPE_CHECKING:
-    from smartmesh_ros.tools.tune.report import Result
 
 SCENES = ("heave", "sinusoid", "sliding_boxes")
 DOCUMENT = Path("docs/tuning.md")
@@ -29,24 +25,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     silence_pybullet()
     from smartmesh_ros.tools.tune import cli
     from smartmesh_ros.tools.tune.grid import settings_to_try
-    from studies.machine import short
-    from studies.markdown import table
-    from studies.pages import fill
+    from studies.pages import fill, table
+    from studies.running import short
 
     bag = [[options.bag, "--params-file", options.params_file, "--seconds", "2"]] if options.bag else []
     rows = []
     for words in [*([scene] for scene in SCENES), *bag]:
-        rows.append(_row(cli.find(cli.parser().parse_args(words))))
+        result = cli.find(cli.parser().parse_args(words))
+        before, after = result.defaults, result.chosen
+        rows.append([
+            result.case.title, f"{before.cost:.3f}", f"{1e3 * before.penetration:.3f}", f"{after.cost:.3f}",
+            f"{1e3 * after.penetration:.3f}", f"{after.cost / before.cost:.2f} x",
+            f"{1e3 * before.hover:.2f} / {1e3 * after.hover:.2f}",
+            ", ".join(f"`{name}` {value}" for name, value in result.changed.items()) or "-",
+        ])  # fmt: skip
         print(" | ".join(rows[-1]), flush=True)
     about = f"Measured on {short()}, {len(settings_to_try({}))} settings in each."
     fill(DOCUMENT, {"table": f"{about}\n\n{table(HEAD, rows)}"})
-
-
-def _row(result: Result) -> list[str]:
-    before, after = result.defaults, result.chosen
-    return [
-        result.case.title, f"{before.cost:.3f}", f"{1e3 * before.penetration:.3f}", f"{after.cost:.3f}",
-        f"{1e3 * after.penetration:.3f}", f"{after.cost / before.cost:.2f} x",
-        f"{1e3 * before.hover:.2f} / {1e3 * after.hover:.2f}",
-        ", ".join(f"`{name}` {value}" for name, value in result.changed.items()) or "-",
-    ]  # fmt: skip

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,8 @@ import numpy as np
 WARM_UP = 2
 # A frame that would take longer than this is not measured [s].
 LONGEST_FRAME = 2.5
+# What goes on to the next frame.
+Before = Callable[[], object] | None
 
 
 @dataclass(frozen=True)
@@ -39,13 +41,12 @@ class Timing(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
-    """``frames``: number of frames for each case. If they take longer than ``seconds`` (``report_seconds`` for the
-    report's own figures), fewer are measured, but at least ``least``."""
+    """``frames``: number of frames for each case. If they take longer than ``seconds``, fewer are measured, at least
+    ``least``."""
 
     frames: int = 100
     least: int = 5
-    seconds: float = 5.0
-    report_seconds: float = 25.0
+    seconds: float = 10.0
     quick: bool = False
 
     def of(self, values: Sequence[int]) -> Sequence[int]:
@@ -54,13 +55,14 @@ class Effort:
 
 
 FULL = Effort()
-QUICK = Effort(frames=8, least=2, seconds=0.1, report_seconds=0.1, quick=True)
+QUICK = Effort(frames=8, least=2, seconds=0.1, quick=True)
 
 
-class Results:
-    """Timings by case, and reasons by what was left out."""
+class Bench:
+    """Runs cases. Stores their ``timings``, and reasons by what was ``left_out``."""
 
-    def __init__(self) -> None:
+    def __init__(self, effort: Effort = FULL) -> None:
+        self.effort = effort
         self.timings: dict[Case, Timing] = {}
         self.left_out: dict[str, str] = {}
 
@@ -69,51 +71,21 @@ class Results:
         timing = self.timings.get(Case(what, method, side, bodies, rings))
         return timing.median if timing else math.nan
 
-    def ms(self, what: str, method: str, *, side: int = 0, rings: int = 0) -> float:
-        """Median of a case of one body [ms]."""
-        return self.us(what, method, side=side, rings=rings) / 1e3
-
-    def as_json(self) -> dict[str, Any]:
-        """Return a JSON object of all of it."""
-        return {
-            "left_out": self.left_out,
-            "timings_us": [asdict(case) | timing._asdict() for case, timing in self.timings.items()],
-        }
-
-
-class Bench:
-    """Runs cases and stores their timings."""
-
-    def __init__(self, effort: Effort = FULL) -> None:
-        self.effort = effort
-        self.results = Results()
-
-    def time(
-        self,
-        case: Case,
-        run: Callable[[], object],
-        prepare: Callable[[], object] | None = None,
-        seconds: float | None = None,
-    ) -> Timing:
-        """Measure ``run`` for at most about ``seconds`` [s]. ``prepare`` runs before each call and is not measured."""
+    def time(self, case: Case, run: Callable[[], object], prepare: Before = None) -> Timing:
+        """Measure ``run``. ``prepare`` runs before each call and is not measured."""
         effort, start = self.effort, perf_counter()
         for _ in range(WARM_UP):
             if perf_counter() - start < 1.0:
                 self._lap(run, prepare)
-        limit, laps, start = effort.seconds if seconds is None else seconds, list[float](), perf_counter()
-        while len(laps) < effort.frames and (len(laps) < effort.least or perf_counter() - start < limit):
+        laps, start = list[float](), perf_counter()
+        while len(laps) < effort.frames and (len(laps) < effort.least or perf_counter() - start < effort.seconds):
             laps.append(self._lap(run, prepare))
         low, median, high = np.percentile(np.array(laps) * 1e6, (10, 50, 90)).tolist()
-        timing = self.results.timings[case] = Timing(median, low, high, len(laps))
+        timing = self.timings[case] = Timing(median, low, high, len(laps))
         return timing
 
-    def hopeless(self, case: Case, smaller: int) -> bool:
-        """Return True if a frame of ``case`` would take too long, extrapolated from ``smaller`` x ``smaller``."""
-        known = self.results.us(case.what, case.method, side=smaller, bodies=case.bodies, rings=case.rings)
-        return math.isnan(known) or known * (case.side / smaller) ** 2 > LONGEST_FRAME * 1e6
-
     @staticmethod
-    def _lap(run: Callable[[], object], prepare: Callable[[], object] | None) -> float:
+    def _lap(run: Callable[[], object], prepare: Before) -> float:
         if prepare is not None:
             prepare()
         start = perf_counter()

@@ -4,26 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from itertools import cycle
-from typing import Generic, TypeVar
+from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.ground.shapes import Sphere
-from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros import BodyState, GridGeometry, HeightMap, PhysicsConfig, Sphere, WorldConfig
 from smartmesh_ros.scenes.moving import FloatGrid, InwardWaves
-from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from smartmesh_ros.world.world import WorldConfig
 from studies.bench.measure import Bench, Case
 from studies.report.config import ReportConfig
 from studies.report.ground import ReportWorld
-
-T = TypeVar("T")
-S = TypeVar("S")
 
 RESOLUTION = 0.25
 RADIUS = 0.2
@@ -34,36 +28,26 @@ _APART = 1.5
 _SAMPLES = 1 << 23
 
 
-class Cycle(Generic[T]):
-    """Frames that are run through forth and back, so that successive ones always follow from one another."""
+class Waves:
+    """Heights (side, side) [m] under a wave, one every `FRAME`, or what ``convert`` makes of them, before anything is
+    timed. They are run through forth and back, so that successive ones always follow from one another."""
 
-    def __init__(self, frames: list[T]) -> None:
-        self._frames, self.now = frames, frames[0]
+    def __init__(self, side: int, convert: Callable[[FloatGrid], Any] = np.asarray) -> None:
+        self.side = side
+        scene = InwardWaves(GridGeometry(rows=side, columns=side, resolution=RESOLUTION))
+        count = min(max(_SAMPLES // side**2, 3), 16)
+        frames = [convert(scene.heights(index * FRAME)) for index in range(count)]
+        self.now = frames[0]
         self._endless = cycle([*frames, *frames[-2:0:-1]])
 
-    def next(self) -> T:
+    def next(self) -> Any:
         """Goes on to the next frame."""
         self.now = next(self._endless)
         return self.now
 
-    def converted(self, convert: Callable[[T], S]) -> Cycle[S]:
-        """The same frames in another form, all made now."""
-        return Cycle([convert(frame) for frame in self._frames])
 
-
-class Waves(Cycle[FloatGrid]):
-    """Heights (side, side) [m] under a wave, one every `FRAME`, made before anything is timed."""
-
-    def __init__(self, side: int) -> None:
-        self.side = side
-        scene = InwardWaves(GridGeometry(rows=side, columns=side, resolution=RESOLUTION))
-        count = min(max(_SAMPLES // side**2, 3), 16)
-        super().__init__([scene.heights(index * FRAME) for index in range(count)])
-
-
-def doubles(heights: FloatGrid) -> FloatArray:
-    """Heights in the precision of most engines."""
-    return heights.astype(np.float64)
+# Makes heights of the precision of most engines.
+doubles = partial(np.asarray, dtype=np.float64)
 
 
 def height_map(waves: Waves) -> HeightMap:
@@ -82,17 +66,6 @@ def general_mesh(waves: Waves) -> TriangleMesh:
     return TriangleMesh(grid_vertices(waves.next()), grid_triangles(waves.side, waves.side))
 
 
-def crowd_positions(count: int, side: int) -> FloatArray:
-    """Places (count, 2) [m] in a square around the middle of a map, none on a sample."""
-    rows = math.ceil(math.sqrt(count))
-    extent = (side - 1) * RESOLUTION
-    apart = min(_APART, 0.8 * extent / rows)
-    index = np.arange(count)
-    middle = 0.5 * extent
-    offset = np.stack([index % rows, index // rows], axis=1) - 0.5 * (rows - 1)
-    return np.asarray(middle + apart * offset + 0.07)
-
-
 class Player:
     """Bodies in a world over moving ground; each frame moves the ground and the bodies first."""
 
@@ -100,7 +73,11 @@ class Player:
         self._waves = waves
         self._mesh = mesh
         self.world = ReportWorld(mesh, WorldConfig(physics=PhysicsConfig(rate=60.0)), report=report)
-        places = crowd_positions(count, waves.side)
+        # In a square around the middle of the map, none on a sample.
+        rows, extent = math.ceil(math.sqrt(count)), (waves.side - 1) * RESOLUTION
+        numbers = np.arange(count)
+        offset = np.stack([numbers % rows, numbers // rows], axis=1) - 0.5 * (rows - 1)
+        places = 0.5 * extent + min(_APART, 0.8 * extent / rows) * offset + 0.07
         heights = self.world.terrain.at(places, 0.0).heights + RADIUS
         for index, (x, y) in enumerate(places.tolist()):
             self.world.spawn(f"body_{index}", Sphere(RADIUS), 1.0, BodyState((x, y, float(heights[index]))))

@@ -2,50 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
+from itertools import count, cycle
 from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
-from smartmesh_ros.terrain.trimesh import TriangleMesh
+from smartmesh_ros import GridGeometry
+from smartmesh_ros.terrain.grid import FloatArray
 from studies.bench.measure import Bench, Case
 from studies.bench.moving import RESOLUTION, Waves, general_mesh
 from studies.bench.report import LARGER, RINGS, SEARCH
-from studies.report.collect import GridGraph, TriangleGraph, queue_bfs, topology_around, union_bfs
 from studies.report.search import (
+    GridGraph,
+    TriangleGraph,
     best_first_cells,
+    best_first_vertex,
     brute_force_cells,
     brute_force_vertex,
     nearest_vertices,
+    queue_bfs,
     ray_cast,
+    topology_around,
+    union_bfs,
 )
 
 # Sizes of Table 4, and of height maps, over which a search of a uniform grid is to cost the same.
 REPORT_SIDES, MAP_SIDES = tuple(SEARCH["brute_force"]), (50, 100, 200, *LARGER)
-
-
-def best_first_vertex(mesh: TriangleMesh, graph: TriangleGraph, position_w: FloatArray, start: int) -> int:
-    """Return the vertex of a general mesh horizontally nearest to a position (3,) [m], walking from ``start``.
-
-    The cost is proportional to the number of steps: one or two for a body that moves continuously, up to the width of
-    the mesh for one that teleports.
-    """
-    coordinates = mesh.coordinates
-    xs, ys = memoryview(coordinates[0]), memoryview(coordinates[1])
-    x, y = float(position_w[0]), float(position_w[1])
-    neighbours = graph.neighbours
-    best = start
-    least = (xs[start] - x) ** 2 + (ys[start] - y) ** 2
-    while True:
-        here = best
-        for vertex in neighbours(here):
-            distance = (xs[vertex] - x) ** 2 + (ys[vertex] - y) ** 2
-            if distance < least or (distance == least and vertex < best):
-                least, best = distance, vertex
-        if best == here:
-            return best
 
 
 def measure_general(bench: Bench, side: int) -> None:
@@ -56,7 +40,7 @@ def measure_general(bench: Bench, side: int) -> None:
     _measure(bench, "search", side, partial(brute_force_vertex, mesh.coordinates), walk)
     vertex = brute_force_vertex(mesh.coordinates, np.full(3, 0.3 * (side - 1) * RESOLUTION))
     patch = topology_around(graph, vertex, 1)
-    corners, above = mesh.vertices[patch.vertices][None], mesh.vertices[vertex][None] + (0.01, 0.02, 1.0)
+    corners, above = mesh.vertices[patch.vertices], mesh.vertices[vertex] + (0.01, 0.02, 1.0)
     bench.time(Case("search", "ray_cast", side), lambda: ray_cast(above, corners, patch.triangles))
 
 
@@ -76,7 +60,9 @@ def _measure(
     """Measure searches of one body by its position (3,) [m], and by what was found before. The average player moves by
     less than a cell from frame to frame; the worst case teleports between two corners."""
     geometry = GridGeometry(rows=side, columns=side, resolution=RESOLUTION)
-    average, worst = _Walk(side, 0.4 * RESOLUTION), _Walk(side, None)
+    extent = (side - 1) * RESOLUTION
+    average = _Walk((0.3 * extent + frame * 0.4 * RESOLUTION) % extent for frame in count(1))
+    worst = _Walk(cycle((0.999 * extent, 0.001 * extent)))
     bench.time(Case(what, "brute_force", side), lambda: brute_force(average.position), average.advance)
     for walk, suffix in ((average, ""), (worst, "_worst")):
         found = [brute_force(walk.position)]
@@ -92,33 +78,19 @@ def _measure(
 
 
 class _Walk:
-    """A player over ``side`` x ``side`` samples that goes ``stride`` [m] a frame, None = teleports between corners."""
+    """A player who is at the ``places`` [m], along x and y, one after the other."""
 
-    def __init__(self, side: int, stride: float | None) -> None:
-        self._extent = (side - 1) * RESOLUTION
-        self._stride = stride
-        self._frame = 0
-        self.position = np.zeros(3)
+    def __init__(self, places: Iterable[float]) -> None:
+        self._places = iter(places)
         self.advance()
 
     def advance(self) -> None:
         """Goes on by a frame."""
-        self._frame += 1
-        if self._stride is None:
-            share = 0.999 if self._frame % 2 else 0.001
-            self.position[:2] = share * self._extent
-        else:
-            self.position[:2] = (0.3 * self._extent + self._frame * self._stride) % self._extent
+        place = next(self._places)
+        self.position = np.array([place, place, 0.0])
 
 
 COLLECT_SIDE = 200
-
-
-def patch_template(rings: int, columns: int) -> IntArray:
-    """Return the offsets (K,) of a patch's samples from its nearest vertex, in a row-major map of ``columns`` columns:
-    the cache of the report's Chapter 3 (its Figure 10), which is one for every vertex of a map."""
-    offsets = np.arange(-rings, rings + 1)
-    return np.asarray((offsets[:, None] * columns + offsets).ravel())
 
 
 def measure_collecting(bench: Bench) -> None:
@@ -126,7 +98,9 @@ def measure_collecting(bench: Bench) -> None:
     graph = GridGraph(COLLECT_SIDE, COLLECT_SIDE)
     vertex = COLLECT_SIDE * COLLECT_SIDE // 2 + COLLECT_SIDE // 2
     for rings in RINGS:
-        template = patch_template(rings, COLLECT_SIDE)
+        # Offsets of a patch's samples from its nearest vertex: the cache of the report's Figure 10, for all vertices.
+        offsets = np.arange(-rings, rings + 1)
+        template = (offsets[:, None] * COLLECT_SIDE + offsets).ravel()
         methods = {
             "queue_bfs": partial(queue_bfs, graph, vertex, rings),
             "union_bfs": partial(union_bfs, graph, vertex, rings),

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros import InputError
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from studies.bench.measure import Bench, Case
+from studies.bench.measure import LONGEST_FRAME, Before, Bench, Case
 from studies.bench.moving import (
     FRAME,
     RADIUS,
@@ -75,29 +75,22 @@ def _measure_physx(bench: Bench, waves: Waves) -> None:
         bench.time(Case("smart", "physx", waves.side), update, player.next_frame)
 
 
-def measure_local_colliders(bench: Bench) -> None:
-    """Colliders of several sizes: of varying shape (triangles found anew), of constant shape, and heightfields."""
-    waves = Waves(SIDE)
-    for rings in bench.effort.of(RINGS):
-        varying = replace(REPORT, rings=rings, collect="union_bfs")
-        constant = replace(REPORT, rings=rings)
-        plain = replace(UNIFORM, rings=rings)
-        for method, config in (("varying", varying), ("constant", constant), ("heightfield", plain)):
-            mesh = general_mesh(waves) if method == "varying" else height_map(waves)
-            Player(waves, mesh, config).time(bench, Case("local", method, SIDE, rings=rings))
-
-
 # A crowd, on a larger map [vertices on a side].
 BATCH, BATCH_SIDE = 100, 1024
 
 
-def measure_batches(bench: Bench) -> None:
-    """Measure updates of a batch of heightfield patches by their size."""
-    waves = Waves(BATCH_SIDE)
+def measure_local_colliders(bench: Bench) -> None:
+    """Colliders of several sizes: of varying shape (triangles found anew), of constant shape, and heightfields, these
+    also in updates of a batch."""
+    waves, wide = Waves(SIDE), Waves(BATCH_SIDE)
     for rings in bench.effort.of(RINGS):
-        Player(waves, height_map(waves), replace(UNIFORM, rings=rings), BATCH).time(
-            bench, Case("update", "heightfield", BATCH_SIDE, BATCH, rings)
-        )
+        constant, plain = replace(REPORT, rings=rings), replace(UNIFORM, rings=rings)
+        varying = replace(constant, collect="union_bfs")
+        for method, config in (("varying", varying), ("constant", constant), ("heightfield", plain)):
+            mesh = general_mesh(waves) if method == "varying" else height_map(waves)
+            Player(waves, mesh, config).time(bench, Case("local", method, SIDE, rings=rings))
+        case = Case("update", "heightfield", BATCH_SIDE, BATCH, rings)
+        Player(wide, height_map(wide), plain, BATCH).time(bench, case)
 
 
 def measure_general(bench: Bench) -> None:
@@ -105,7 +98,7 @@ def measure_general(bench: Bench) -> None:
     search."""
     waves = Waves(SIDE)
     mesh = general_mesh(waves)
-    frames = waves.converted(grid_vertices)
+    frames = Waves(SIDE, grid_vertices)
     times = count()
     bench.time(Case("ingest", "mesh", SIDE), lambda: mesh.move(frames.now, time=0.05 * next(times)), frames.next)
     base = ReportConfig(kind="trimesh", rings=1)
@@ -120,7 +113,7 @@ ENGINES = ("physx", "bullet_trimesh", "bullet_heightfield", "mujoco")
 # Sizes of the whole mesh, ascending [vertices on a side].
 WHOLE_SIDES = (*SIMPLE_PHYSX, *LARGER)
 # What a frame of an update runs, and what goes on to the next frame before it.
-Update = tuple[Callable[[], object], Callable[[], object] | None]
+Update = tuple[Callable[[], object], Before]
 
 
 def measure_whole(bench: Bench, name: str) -> None:
@@ -128,16 +121,15 @@ def measure_whole(bench: Bench, name: str) -> None:
     which a frame takes too long."""
     before = 0
     for side in bench.effort.of(WHOLE_SIDES):
-        case = Case("simple", name, side)
-        if before and bench.hopeless(case, before):
+        longest = bench.us("simple", name, side=before) * (side / before) ** 2 if before else 0.0
+        if longest > LONGEST_FRAME * 1e6:
             return
-        in_report = name in ("physx", "bullet_trimesh") and side in SIMPLE_PHYSX
         try:
             with ExitStack() as stack:
                 run, prepare = COAL[name](Waves(side)) if name in COAL else _in_engine(name, Waves(side), stack)
-                bench.time(case, run, prepare, bench.effort.report_seconds if in_report else None)
+                bench.time(Case("simple", name, side), run, prepare)
         except (ImportError, InputError) as error:  # not installed, or larger than the engine takes
-            bench.results.left_out[f"{name} {side}x{side}" if before else name] = str(error)
+            bench.left_out[f"{name} {side}x{side}" if before else name] = str(error)
             return
         before = side
 
@@ -145,7 +137,7 @@ def measure_whole(bench: Bench, name: str) -> None:
 def _in_engine(name: str, waves: Waves, stack: ExitStack) -> Update:
     setup = Setup(heights=doubles(waves.now), resolution=RESOLUTION, bodies=(), dt=FRAME)
     engine = stack.enter_context(build(name, setup))
-    maps = waves.converted(engine.ready)
+    maps = Waves(waves.side, engine.ready)
     return lambda: engine.set_ground(maps.now), maps.next
 
 
@@ -187,7 +179,7 @@ def _refitted(waves: Waves) -> Update:
 def _field(waves: Waves) -> Update:
     import coal
 
-    frames, extent = waves.converted(doubles), (waves.side - 1) * RESOLUTION
+    frames, extent = Waves(waves.side, doubles), (waves.side - 1) * RESOLUTION
     field = coal.HeightFieldOBBRSS(extent, extent, frames.now, -10.0)
     return lambda: field.updateHeights(frames.now), frames.next
 

@@ -9,7 +9,7 @@ import numpy as np
 import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros import InputError
 from smartmesh_ros.ground.shown_ground import make_shape, quarter_turn, replace_heights
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
@@ -142,19 +142,14 @@ def bullet_contacts(client: Any, parts: Mapping[tuple[int, int], int], dt: float
         # Normal and forces are those on the first body.
         part, place, sign = (first, point[5], 1.0) if first in parts else (second, point[6], -1.0)
         friction = point[10] * np.array(point[11]) + point[12] * np.array(point[13])
-        velocity = _velocity_at(client, part, place, dt)
+        if part[1] < 0:
+            centre, _ = client.getBasePositionAndOrientation(part[0])
+            linear, angular = client.getBaseVelocity(part[0])
+        else:
+            state = client.getLinkState(*part, computeLinkVelocity=1)
+            centre, linear, angular = state[0], state[6], state[7]
+        # After the step, of what was at the point before it.
+        velocity = np.add(linear, np.cross(angular, np.array(place) - (np.array(centre) - dt * np.array(linear))))
         normal = sign * np.array(point[7])
         rows.append((parts[part], *place, *normal, point[8], *velocity, point[9], *(sign * friction)))
     return Contacts.of(rows)
-
-
-def _velocity_at(client: Any, part: tuple[int, int], point: tuple[float, ...], dt: float) -> FloatArray:
-    """Return the velocity (3,) [m/s] after a step of what was at a ``point`` before it."""
-    body, link = part
-    if link < 0:
-        centre, (linear, angular) = client.getBasePositionAndOrientation(body)[0], client.getBaseVelocity(body)
-    else:
-        state = client.getLinkState(body, link, computeLinkVelocity=1)
-        centre, linear, angular = state[0], state[6], state[7]
-    arm = np.array(point) - (np.array(centre) - dt * np.array(linear))
-    return np.asarray(linear + np.cross(angular, arm))

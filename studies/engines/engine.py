@@ -1,7 +1,7 @@
 """Interface of the physics engines that are compared, and the engines by name.
 
 To add an engine, write one file with a subclass of `Engine`, whose options are keywords of its constructor, and add a
-line to `_ENTRIES`. An engine whose package is not installed is left out, with a reason.
+line to `ENGINES`. An engine whose package is not installed is left out, with a reason.
 """
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.shapes import Box, Sphere
-from smartmesh_ros.ground.state import BodyState, Vector
+from smartmesh_ros import BodyState, Box, InputError, Sphere
+from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 
 
@@ -177,28 +176,26 @@ class Engine(Simulation):
 
 
 # Module and class of each engine, by its name: of bodies, and of robots.
-_ENTRIES = {
+ENGINES = {
     "smartmesh": ("studies.engines.smartmesh", "SmartMesh"),
     "bullet_trimesh": ("studies.engines.bullet", "BulletTrimesh"),
     "bullet_heightfield": ("studies.engines.bullet", "BulletHeightfield"),
     "mujoco": ("studies.engines.mujoco_hfield", "MujocoHfield"),
     "physx": ("studies.engines.physx", "PhysxTrimesh"),
     "rapier": ("studies.engines.rapier", "RapierHeightfield"),
-    "checkout": ("studies.engines.checkout", "Checkout"),
-    "smartmesh robots": ("studies.robots.bullet_robots", "WorldRobots"),
-    "mujoco robots": ("studies.robots.mujoco_robots", "MujocoRobots"),
-    "physx robots": ("studies.robots.physx_robots", "PhysxRobots"),
+    "smartmesh robots": ("studies.engines.smartmesh", "WorldRobots"),
+    "mujoco robots": ("studies.engines.mujoco_hfield", "MujocoRobots"),
+    "physx robots": ("studies.engines.physx", "PhysxRobots"),
 }
-ENGINES = tuple(_ENTRIES)
 
 
 @cache
 def missing(name: str) -> str:
     """Return the reason why an engine cannot be used here, "" = none; raise `InputError` for an unknown name."""
-    if name not in _ENTRIES:
+    if name not in ENGINES:
         raise InputError("engine", f"there is no engine {name!r}; choose {', '.join(ENGINES)}")
     try:
-        import_module(_ENTRIES[name][0])
+        import_module(ENGINES[name][0])
     except (ImportError, OSError) as error:  # OSError: a library of the package's does not load
         return f"{type(error).__name__}: {error}"
     return ""
@@ -209,5 +206,5 @@ def build(name: str, setup: GroundSetup, **options: Any) -> Any:
     reason = missing(name)
     if reason:
         raise InputError("engine", f"engine {name!r} is not available ({reason}); install requirements/studies.txt")
-    module, kind = _ENTRIES[name]
+    module, kind = ENGINES[name]
     return getattr(import_module(module), kind)(setup, **options)

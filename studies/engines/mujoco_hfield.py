@@ -1,4 +1,4 @@
-"""MuJoCo with one height field of the whole map, whose data are written in place."""
+"""MuJoCo with one height field of the whole map, whose data are written in place: bodies, and robots by its loader."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.shapes import Sphere
+from smartmesh_ros import InputError, Sphere
 from smartmesh_ros.terrain.grid import FloatArray
-from studies.engines.engine import Contacts, Engine, EngineBody, GroundSetup, Setup, Simulation
+from smartmesh_ros.world.robots.description import read_description
+from studies.engines.engine import Contacts, Engine, EngineBody, GroundSetup, Links, Setup, Simulation
+from studies.robots.robot import FRICTION, SERVO, RobotEngine, RobotSetup, xyzw
 
 # Bits of bodies and of the ground, so that robots may touch the ground alone.
 BODY, GROUND = 1, 2
@@ -113,24 +114,31 @@ class MujocoHfield(MujocoGround, Engine):
         for body in setup.bodies:
             self._add(body)
         self.compile()
-        for index, body in enumerate(setup.bodies):
-            self._place(index, body)
+        for body, place, twist in zip(setup.bodies, *self._states(), strict=True):
+            x, y, z, w = body.state.orientation
+            place[:] = *body.state.position, w, x, y, z
+            twist[:3] = body.state.linear
+            mujoco.mju_rotVecQuat(twist[3:], np.array(body.state.angular), np.array([w, -x, -y, -z]))
         if not setup.plane:
             self.set_ground(self.ready(setup.heights))
 
     def step(self) -> None:
         mujoco.mj_step(self.model, self.data)
 
+    def _states(self) -> tuple[FloatArray, FloatArray]:
+        """Return views of poses (N, 7), scalars of orientations first, and twists (N, 6), angular ones in the bodies'
+        frames."""
+        return self.data.qpos.reshape(-1, 7), self.data.qvel.reshape(-1, 6)
+
     def poses(self) -> FloatArray:
-        return np.array(self.data.qpos).reshape(-1, 7)[:, [0, 1, 2, 4, 5, 6, 3]]
+        return self._states()[0][:, [0, 1, 2, 4, 5, 6, 3]]
 
     def velocities(self) -> FloatArray:
-        twists = np.array(self.data.qvel).reshape(-1, 6)
-        # MuJoCo's angular velocity is in the body's frame.
-        for twist, orientation in zip(twists, self.data.qpos.reshape(-1, 7)[:, 3:], strict=True):
-            angular = twist[3:].copy()
-            mujoco.mju_rotVecQuat(twist[3:], angular, orientation)
-        return twists
+        poses, twists = self._states()
+        found = twists.copy()
+        for pose, twist, turned in zip(poses, twists, found, strict=True):
+            mujoco.mju_rotVecQuat(turned[3:], twist[3:], pose[3:])
+        return found
 
     def contacts(self) -> Contacts:
         count = len(self._bodies)
@@ -146,20 +154,84 @@ class MujocoHfield(MujocoGround, Engine):
         else:
             kind, size = mujoco.mjtGeom.mjGEOM_BOX, [0.5 * shape.x, 0.5 * shape.y, 0.5 * shape.z]
         geom = part.add_geom(type=kind, size=size, mass=body.mass)
-        self.touch(geom, body.friction, _damping_ratio(body.restitution))
-
-    def _place(self, index: int, body: EngineBody) -> None:
-        state = body.state
-        x, y, z, w = state.orientation
-        self.data.qpos[7 * index : 7 * index + 7] = [*state.position, w, x, y, z]
-        turned = np.empty(3)
-        mujoco.mju_rotVecQuat(turned, np.array(state.angular), np.array([w, -x, -y, -z]))
-        self.data.qvel[6 * index : 6 * index + 6] = [*state.linear, *turned]
+        # A spring that throws back with that share of the closing speed; critically damped where with none.
+        decay = -math.log(body.restitution) if body.restitution > 0.0 else math.inf
+        self.touch(geom, body.friction, decay / math.hypot(math.pi, decay) if math.isfinite(decay) else 1.0)
 
 
-def _damping_ratio(restitution: float) -> float:
-    """Damping ratio of a spring that throws back with that share of the closing speed; critical where with none."""
-    if restitution <= 0.0:
-        return 1.0
-    decay = -math.log(restitution)
-    return decay / math.hypot(math.pi, decay)
+class MujocoRobots(MujocoGround, RobotEngine):
+    """Speculative contacts are off: they do nothing on height fields.
+
+    Servos are constraints, as PyBullet's are, but have no limit of torque; driven wheels follow the angle of their
+    speed.
+    """
+
+    reach: ClassVar[float] = 2.0
+
+    def __init__(self, setup: RobotSetup, **options: Any) -> None:
+        super().__init__(setup, (1 + len(setup.starts)) << 23, **options)
+        robot, spec = setup.robot, self.spec
+        self._prefixes = [f"r{index}/" for index in range(len(setup.starts))]
+        self._root = read_description(setup.text).root
+        for prefix in self._prefixes:
+            spec.attach(self._loaded(setup), prefix=prefix, frame=spec.worldbody.add_frame())
+            # Constraints hold joints at a position. Actuators as stiff would make robots tremble: MuJoCo solves
+            # contacts without the damping that its integrator adds for actuators.
+            for joint in (f"{prefix}{name}" for name in (*robot.stance, *robot.wheels)):
+                constraint = spec.add_equality(name=joint, type=mujoco.mjtEq.mjEQ_JOINT, name1=joint)
+                constraint.objtype = mujoco.mjtObj.mjOBJ_JOINT
+                constraint.data = np.zeros((len(constraint.data), 1))
+                # Overdamped: two time constants, which together are that of a servo. A tighter one would tremble
+                # against contacts.
+                constraint.solref = [0.25 * SERVO, math.sqrt(2.0)]
+        self.compile()
+        model, first = self.model, self._prefixes[0]
+        with_shapes = [model.body(body).name for body in sorted(set(model.geom_bodyid.tolist()) - {0})]
+        self.names = tuple(name.removeprefix(first) for name in with_shapes if name.startswith(first))
+        self._bodies = np.array([[model.body(f"{one}{name}").id for name in self.names] for one in self._prefixes])
+        self._roots = [model.body(f"{prefix}{self._root}").id for prefix in self._prefixes]
+        for prefix, start in zip(self._prefixes, setup.starts, strict=True):
+            floating = model.joint(f"{prefix}floating").qposadr[0]
+            self.data.qpos[floating : floating + 7] = [*start, 1.0, 0.0, 0.0, 0.0]
+            for joint, position in robot.stance.items():
+                self.data.qpos[model.joint(f"{prefix}{joint}").qposadr[0]] = position
+        self.hold(robot.stance)
+        self._wheels = [self.model.equality(f"{one}{wheel}").id for one in self._prefixes for wheel in robot.wheels]
+        self._speed = setup.speed
+        self.set_ground(self.ready(setup.heights))
+        mujoco.mj_forward(self.model, self.data)
+
+    def _loaded(self, setup: RobotSetup) -> mujoco.MjSpec:
+        """Return one robot as MuJoCo's loader reads it, on a floating joint."""
+        floating = (
+            '<mujoco><compiler fusestatic="false" strippath="false"/></mujoco><link name="world"/>'
+            f'<joint name="floating" type="floating"><parent link="world"/><child link="{self._root}"/></joint>'
+        )
+        spec = mujoco.MjSpec.from_string(setup.text.replace("<link ", f"{floating}<link ", 1))
+        for geom in spec.geoms:
+            self.touch(geom, FRICTION)
+            geom.contype, geom.conaffinity = BODY, GROUND  # robots do not touch one another
+        return spec
+
+    def hold(self, positions: Mapping[str, float]) -> None:
+        for prefix in self._prefixes:
+            for joint, position in positions.items():
+                self.model.eq_data[self.model.equality(f"{prefix}{joint}").id, 0] = position
+
+    def step(self) -> None:
+        if self._speed:
+            self.model.eq_data[self._wheels, 0] = self._speed * self.data.time
+        mujoco.mj_step(self.model, self.data)
+
+    def links(self) -> Links:
+        mujoco.mj_kinematics(self.model, self.data)
+        return Links(self.data.xpos[self._bodies].copy(), xyzw(self.data.xquat[self._bodies]))
+
+    def velocities(self) -> FloatArray:
+        mujoco.mj_comPos(self.model, self.data)
+        mujoco.mj_comVel(self.model, self.data)
+        mujoco.mj_subtreeVel(self.model, self.data)
+        return np.asarray(self.data.subtree_linvel[self._roots]).copy()
+
+    def contacts(self) -> Contacts:
+        return self.contacts_of({body: robot for robot, bodies in enumerate(self._bodies.tolist()) for body in bodies})

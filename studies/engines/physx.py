@@ -1,17 +1,21 @@
-"""PhysX, through SAPIEN, with a triangle mesh of the whole map that is cooked anew for every map."""
+"""PhysX, through SAPIEN, with a triangle mesh of the whole map that is cooked anew for every map: bodies, and robots by
+SAPIEN's loader."""
 
 from __future__ import annotations
 
 import math
+import tempfile
 import warnings
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
 
-from smartmesh_ros.ground.shapes import Sphere
+from smartmesh_ros import Sphere
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from studies.engines.engine import Contacts, Engine, EngineBody, GroundSetup, Setup, Simulation
+from studies.engines.engine import Contacts, Engine, EngineBody, GroundSetup, Links, Setup, Simulation
+from studies.robots.robot import FRICTION, SERVO, RobotEngine, RobotSetup, xyzw
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # about pictures, which are not wanted here
@@ -47,6 +51,7 @@ class PhysxGround(Simulation):
         self._triangles = grid_triangles(*setup.heights.shape).astype(np.uint32)
         self._vertices = setup.vertices().astype(np.float32)
         self._ground: Any = None
+        self._bodies: list[Any] = []  # or robots
 
     def set_ground(self, ready: FloatArray) -> None:
         if self._ground is not None:
@@ -72,6 +77,7 @@ class PhysxGround(Simulation):
         self._steps += 1
 
     def close(self) -> None:
+        self._bodies.clear()
         self._ground = None
         self.scene = None
 
@@ -83,9 +89,8 @@ class PhysxTrimesh(PhysxGround, Engine):
     bounce_threshold: ClassVar[float] = 0.2
 
     def __init__(self, setup: Setup) -> None:
-        friction = float(np.mean([body.friction for body in setup.bodies])) if setup.bodies else 0.5
-        restitution = float(np.mean([body.restitution for body in setup.bodies])) if setup.bodies else 0.0
-        super().__init__(setup, friction, restitution)
+        both = [(body.friction, body.restitution) for body in setup.bodies] or [(0.5, 0.0)]
+        super().__init__(setup, *np.mean(both, axis=0).tolist())
         self._bodies = [self._add(body) for body in setup.bodies]
         self.set_ground(self.ready(setup.heights))
 
@@ -114,10 +119,6 @@ class PhysxTrimesh(PhysxGround, Engine):
                 rows.append((own, *point.position, *normal, point.separation, *velocity, force, *[np.nan] * 3))
         return Contacts.of(rows)
 
-    def close(self) -> None:
-        self._bodies.clear()
-        super().close()
-
     def _add(self, body: EngineBody) -> Any:
         material = physx.PhysxMaterial(body.friction, body.friction, body.restitution)
         if isinstance(body.shape, Sphere):
@@ -140,3 +141,71 @@ class PhysxTrimesh(PhysxGround, Engine):
         part.linear_velocity = np.array(state.linear, np.float32)
         part.angular_velocity = np.array(state.angular, np.float32)
         return part
+
+
+# Gain [Nm s/rad] of the servos: joints follow as far as the torque allows, as PyBullet's do.
+GAIN = 200.0
+
+
+class PhysxRobots(PhysxGround, RobotEngine):
+    """Articulations of the loader. ``sleeps``: robots at rest fall asleep, by SAPIEN's own threshold, and wake when the
+    ground's mesh is exchanged."""
+
+    has_prisms: ClassVar[bool] = True
+
+    def __init__(self, setup: RobotSetup, *, sleeps: bool = False) -> None:
+        super().__init__(setup, FRICTION, 0.0, 0.005 if sleeps else 0.0)
+        self._bodies = [self._add(setup, start, sleeps=sleeps) for start in setup.starts]
+        self.names = tuple(link.name for link in self._bodies[0].links if link.collision_shapes)
+        self._links = [[robot.find_link_by_name(name) for name in self.names] for robot in self._bodies]
+        masses = np.array([link.mass for link in self._bodies[0].links])
+        self._shares = masses / masses.sum()
+        self.hold(setup.robot.stance)
+        self.set_ground(self.ready(setup.heights))
+
+    def _add(self, setup: RobotSetup, start: FloatArray, *, sleeps: bool) -> Any:
+        loader = self.scene.create_urdf_loader()
+        loader.fix_root_link = False
+        loader.set_material(FRICTION, FRICTION, 0.0)
+        with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file, warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            file.write(setup.text)
+            file.flush()
+            robot = loader.load(file.name)
+        if not sleeps:
+            robot.sleep_threshold = 0.0
+        for link in robot.links:
+            link.linear_damping = link.angular_damping = 0.0
+            for shape in link.collision_shapes:
+                shape.set_collision_groups([BODY, GROUND, 0, 0])
+        stance, torque = setup.robot.stance, setup.robot.torque
+        positions = robot.qpos
+        for index, joint in enumerate(robot.active_joints):
+            name = joint.name
+            joint.friction = 0.0
+            if name in stance:
+                positions[index] = stance[name]
+                joint.set_drive_properties(GAIN / SERVO, GAIN, torque, "force")
+            elif name in setup.robot.wheels:
+                joint.set_drive_properties(0.0, GAIN, torque, "force")
+                joint.set_drive_velocity_target(setup.speed)
+            else:
+                joint.set_drive_properties(0.0, 0.0, 0.0, "force")
+        robot.set_qpos(positions)
+        robot.set_root_pose(Pose(start.astype(np.float32)))
+        return robot
+
+    def hold(self, positions: Mapping[str, float]) -> None:
+        for robot in self._bodies:
+            for joint in robot.active_joints:
+                if joint.name in positions:
+                    joint.set_drive_target(positions[joint.name])
+
+    def links(self) -> Links:
+        poses = [[link.entity_pose for link in links] for links in self._links]
+        positions = np.array([[pose.p for pose in row] for row in poses], np.float64)
+        return Links(positions, xyzw(np.array([[pose.q for pose in row] for row in poses], np.float64)))
+
+    def velocities(self) -> FloatArray:
+        linear = np.array([[link.linear_velocity for link in robot.links] for robot in self._bodies], np.float64)
+        return np.asarray(np.einsum("l,nlk->nk", self._shares, linear))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import rapier3d as rapier
 
-from smartmesh_ros.ground.shapes import Sphere
+from smartmesh_ros import Sphere
 from smartmesh_ros.terrain.grid import FloatArray
 from studies.engines.engine import Engine, EngineBody, Setup
 

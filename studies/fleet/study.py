@@ -6,19 +6,28 @@ Nodes run in network namespaces joined by a bridge: UDP between them, no shared 
 from __future__ import annotations
 
 import argparse
+import json
 import os
+import subprocess
+import sys
+import tempfile
 from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
+import numpy as np
+import rclpy
 from matplotlib.figure import Figure
+from rclpy.task import Future
+from smartmesh_msgs.msg import Timing
 
-from smartmesh_ros.node.fleet.layout import WAVES, FleetPlan
-from studies.fleet.site import Machine, Watcher, enter, site
-from studies.machine import short
-from studies.markdown import table
-from studies.pages import fill
+from smartmesh_ros.node.fleet.command import FleetWatcher
+from smartmesh_ros.node.fleet.layout import WAVES, FleetPlan, node_names
+from studies.load.processes import Usage
+from studies.pages import fill, table
+from studies.running import short
 
 # Real time, as far as it counts; bodies start so far apart [m], in squares of so many on a side, one to a quarter of
 # the terrain, whose bodies share a node.
@@ -26,6 +35,7 @@ REAL_TIME, APART, SIDE = 0.98, 1.0, 24
 # The page with the table, its picture, and the numbers of bodies that the table has columns for.
 PAGE, PICTURE, COLUMNS = Path("docs/fleet.md"), Path("docs/images/fleet/capacity.png"), (200, 400, 800, 1200)
 NOBODY = "/nobody"  # a peer that is never heard
+Timings = dict[str, list[Timing]]  # by node
 
 
 def balls(count: int, first: int) -> Iterator[tuple[str, float, float, float]]:
@@ -37,57 +47,48 @@ def balls(count: int, first: int) -> Iterator[tuple[str, float, float, float]]:
 
 
 def capacity(nodes: int, *, start: int, more: int, most: int, seconds: float, meet: bool = True) -> dict[str, Any]:
-    """Add bodies until the slowest node of a fleet falls behind real time; return the real-time factors at each number
-    and the network traffic of a node [bytes/s]. ``meet``: True = bodies of different nodes collide."""
+    """Add bodies until the slowest node of a fleet falls behind real time; return what was measured at each number.
+    ``meet``: True = bodies of different nodes collide."""
     # What is measured is how late nodes are: none is taken for dead for it.
     front = {"spread": "tiles", "tile_size": APART * SIDE, "timeout": 20.0}
     alone = {} if meet else {"bodies.peers": [NOBODY]}
     plan = FleetPlan(count=nodes, source=WAVES, front=front, parameters={"bodies.timeout": 20.0, **alone})
-    runs = []
-    with site(plan) as (watcher, machines):
-        count = 0
-        while count < most:
-            added = start if count == 0 else more
+    runs: list[dict[str, float]] = []
+    with site(plan) as (watcher, timings, machines):
+        count, added = 0, start
+        while count < most and (not runs or runs[-1]["real_time"] >= REAL_TIME - 0.05):
             watcher.spawn_balls(balls(added, count), 0.2)
-            count += added
-            watcher.spin(2.0)
-            run = measure(watcher, machines, seconds)
-            runs.append({"bodies": count, **run})
-            which = "" if meet else " by themselves"
-            print(
-                f"{nodes} nodes{which}, {count:5d} bodies: real-time factor {run['real_time']:.3f}, "
-                f"{run['busy']:.2f} s of processor time a simulated second, "
-                f"{run['sent'] / 1e6:.2f} MB/s sent by a node, load {os.getloadavg()[0]:.1f}",
-                flush=True,
-            )
-            if run["real_time"] < REAL_TIME - 0.05:
-                break
-    return {"nodes": nodes, "meet": meet, "runs": runs, "carried": carried(runs), "load": os.getloadavg()[0]}
+            count, added = count + added, more
+            spin(watcher, 2.0)
+            runs.append({"bodies": count, **measure(watcher, timings, machines, seconds)})
+            figures = ", ".join(f"{name} {figure:.3g}" for name, figure in runs[-1].items())
+            print(f"{nodes} nodes{'' if meet else ' by themselves'}: {figures}", flush=True)
+    return {"nodes": nodes, "meet": meet, "runs": runs, "carried": carried(runs)}
 
 
-def measure(watcher: Watcher, machines: list[Machine], seconds: float) -> dict[str, float]:
+def spin(watcher: FleetWatcher, seconds: float) -> None:
+    """Handles messages for so long."""
+    rclpy.spin_until_future_complete(watcher, Future(), timeout_sec=seconds)
+
+
+def measure(watcher: FleetWatcher, timings: Timings, machines: list[Machine], seconds: float) -> dict[str, float]:
     """Run a fleet; return the slowest node's real-time factor, the maximum processor time of a node for a simulated
-    second [s], which hardly depends on other load, and the bytes a second that a node sent and received.
-    """
-    for timings in watcher.timings.values():
-        timings.clear()
-    before, start = [machine.traffic() for machine in machines], monotonic()
-    used = [machine.usage.cpu() for machine in machines]
-    watcher.spin(seconds)
-    span = monotonic() - start
-    taken = [(machine.usage.cpu() - was) / span for machine, was in zip(machines, used, strict=True)]
-    factors = []
-    for timings in watcher.timings.values():
-        window = sum(timing.window_s for timing in timings)
-        simulated = sum(timing.real_time_factor * timing.window_s for timing in timings)
+    second [s], which hardly depends on other load, and the bytes a second that a node sent."""
+    for heard in timings.values():
+        heard.clear()
+    before, start = [(machine.usage.cpu(), machine.sent()) for machine in machines], monotonic()
+    spin(watcher, seconds)
+    span, factors = monotonic() - start, []
+    spent = np.array([(machine.usage.cpu(), machine.sent()) for machine in machines]) - before
+    for heard in timings.values():
+        window = sum(timing.window_s for timing in heard)
+        simulated = sum(timing.real_time_factor * timing.window_s for timing in heard)
         factors.append(simulated / window if window else 0.0)
-    pairs = [(machine.traffic(), was) for machine, was in zip(machines, before, strict=True)]
-    sent, received = (sum(now[way] - was[way] for now, was in pairs) / span / len(machines) for way in (0, 1))
-    busy = max(cpu / max(factor, 1e-9) for cpu, factor in zip(taken, factors, strict=True))
-    return {"real_time": min(factors), "busy": busy, "sent": sent, "received": received}
+    busy, sent = spent[:, 0] / np.maximum(factors, 1e-9) / span, spent[:, 1].mean() / span
+    return {"real_time": min(factors), "busy": float(busy.max()), "sent": float(sent)}
 
 
-def carried(runs: list[dict[str, Any]]) -> float:
+def carried(runs: list[dict[str, float]]) -> float:
     """Return the number of bodies at which the real-time factor crosses the bound, interpolated between the last number
     within the bound and the first one beyond; the last number if all are within."""
     late = next((index for index, run in enumerate(runs) if run["real_time"] < REAL_TIME), len(runs))
@@ -98,31 +99,16 @@ def carried(runs: list[dict[str, Any]]) -> float:
     return float(last["bodies"] + share * (first["bodies"] - last["bodies"]))
 
 
-def capacity_table(capacities: list[dict[str, Any]]) -> str:
-    """Return the table of the page."""
-    one = capacities[0]["carried"]
-    rows = []
-    for found in capacities:
-        busy = {run["bodies"]: f"{run['busy']:.2f} s" for run in found["runs"]}
-        name = f"{found['nodes']}" + ("" if found["meet"] else " whose bodies do not meet")
-        share = [f"{found['carried']:.0f}", f"{found['carried'] / one:.2f}"]
-        rows.append([name, *share, *(busy.get(count, "-") for count in COLUMNS)])
-    return table(["nodes", "bodies in real time", "of one node", *map(str, COLUMNS)], rows)
-
-
 def draw_capacity(path: Path, capacities: list[dict[str, Any]], machine: str) -> None:
     """Real-time factors against the number of bodies."""
     figure = Figure(figsize=(7.0, 4.2), dpi=90, layout="constrained")
     axes = figure.subplots()
-    for capacity in capacities:
-        runs = capacity["runs"]
-        which = f"{capacity['nodes']} node{'s' if capacity['nodes'] > 1 else ''}"
-        label = f"{which}{'' if capacity['meet'] else ' by themselves'}: {capacity['carried']:.0f} bodies"
-        style = "o-" if capacity["meet"] else "o:"
-        axes.plot([r["bodies"] for r in runs], [r["real_time"] for r in runs], style, label=label)
-    axes.axhline(0.98, color="black", linestyle="--", linewidth=1)
-    axes.set_xlabel("bodies of the fleet")
-    axes.set_ylabel("real-time factor of the slowest node")
+    for one in capacities:
+        which = f"{one['nodes']} node{'s' if one['nodes'] > 1 else ''}{'' if one['meet'] else ' by themselves'}"
+        points = np.array([(run["bodies"], run["real_time"]) for run in one["runs"]])
+        axes.plot(*points.T, "o-" if one["meet"] else "o:", label=f"{which}: {one['carried']:.0f} bodies")
+    axes.axhline(REAL_TIME, color="black", linestyle="--", linewidth=1)
+    axes.set(xlabel="bodies of the fleet", ylabel="real-time factor of the slowest node")
     axes.grid(alpha=0.3)
     axes.legend()
     axes.set_title(machine, fontsize=9)
@@ -141,5 +127,98 @@ def main() -> None:
     if options.quick:
         return
     draw_capacity(PICTURE, found, short())
-    fill(PAGE, {"capacity": f"Measured on {short()}.\n\n{capacity_table(found)}"})
+    rows = []
+    for one in found:
+        busy = {run["bodies"]: f"{run['busy']:.2f} s" for run in one["runs"]}
+        name = f"{one['nodes']}" + ("" if one["meet"] else " whose bodies do not meet")
+        share = [f"{one['carried']:.0f}", f"{one['carried'] / found[0]['carried']:.2f}"]
+        rows.append([name, *share, *(busy.get(count, "-") for count in COLUMNS)])
+    text = table(["nodes", "bodies in real time", "of one node", *map(str, COLUMNS)], rows)
+    fill(PAGE, {"capacity": f"Measured on {short()}.\n\n{text}"})
     print(f"wrote {PAGE} and {PICTURE}")
+
+
+INSIDE = "SMARTMESH_FLEET_NETWORK"
+BRIDGE, ADDRESS = "switch", "10.77.0.{}/24"
+# UDP only, in a domain of its own network, found beyond one machine.
+VARIABLES = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_DOMAIN_ID": "1"}
+# Runs a command without the shared memory of others.
+ALONE = ("sh", "-c", 'mount -t tmpfs none /dev/shm && exec "$@"', "sh")
+DROPPED = ("FASTRTPS_DEFAULT_PROFILES_FILE", "RMW_FASTRTPS_USE_QOS_FROM_XML")
+
+
+def enter() -> None:
+    """Restart this command in a namespace with a bridge, and exit with its code. Return if it runs there already.
+
+    Exit with 1 if namespaces are not available.
+    """
+    if os.environ.get(INSIDE):
+        _ip("link set lo up")
+        _ip(f"link add {BRIDGE} type bridge mcast_snooping 0")
+        _ip(f"link set {BRIDGE} up")
+        _ip(f"address add {ADDRESS.format(1)} dev {BRIDGE}")
+        # Where `ip` keeps its namespaces.
+        subprocess.run(["mount", "-t", "tmpfs", "none", "/run"], check=True)
+        return
+    kept = {name: value for name, value in os.environ.items() if name not in DROPPED}
+    own = [sys.executable, "-m", "studies", "fleet", *sys.argv[1:]]
+    command = ["unshare", "--user", "--map-root-user", "--net", "--mount", *own]
+    sys.exit(subprocess.run(command, env={**kept, **VARIABLES, INSIDE: "1"}, check=False).returncode)
+
+
+class Machine:
+    """A network namespace with a cable to the bridge, in which one command runs. ``usage``: of the command."""
+
+    def __init__(self, number: int, command: list[str], log: Path) -> None:
+        self._name, self._cable = f"machine{number}", f"cable{number}"
+        _ip(f"netns add {self._name}")
+        _ip(f"link add name {self._cable} type veth peer name net0 netns {self._name}")
+        _ip(f"link set {self._cable} master {BRIDGE} up")
+        for setting in ("link set lo up", "link set net0 up", f"address add {ADDRESS.format(10 + number)} dev net0"):
+            _ip(f"-n {self._name} {setting}")
+        with log.open("ab") as file:
+            inside = ["ip", "netns", "exec", self._name, *ALONE, *command]
+            self._process = subprocess.Popen(inside, stdout=file, stderr=subprocess.STDOUT)
+        self.usage = Usage(self._process.pid)
+
+    def sent(self) -> int:
+        """Bytes that the command has sent so far."""
+        command = ["ip", "-json", "-statistics", "link", "show", "dev", self._cable]
+        [link] = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
+        return int(link["stats64"]["rx"]["bytes"])  # of the end at the bridge, which receives what is sent
+
+    def close(self) -> None:
+        """Ends it."""
+        self._process.kill()
+        self._process.wait()
+        _ip(f"link delete {self._cable}")  # the kernel takes its time with the namespace, and the next one has its name
+        _ip(f"netns delete {self._name}")
+
+
+def _ip(command: str) -> None:
+    subprocess.run(["ip", *command.split()], check=True)
+
+
+@contextmanager
+def site(plan: FleetPlan) -> Iterator[tuple[FleetWatcher, Timings, list[Machine]]]:
+    """Run a fleet whose processes are on a machine of their own each: the source of terrain, the front, and the
+    nodes. It begins when the front hears all nodes; yields what hears it, the timings of each node, and the machines of
+    the nodes."""
+    with tempfile.TemporaryDirectory() as name, ExitStack() as stack:
+        rclpy.init()
+        stack.callback(rclpy.try_shutdown)
+        watcher, machines, folder = FleetWatcher(), list[Machine](), Path(name)
+        stack.callback(watcher.destroy_node)
+        timings: Timings = {node: [] for node in node_names(plan.count)}
+        for node, heard in timings.items():
+            watcher.create_subscription(Timing, f"{node}/timing", heard.append, 10)
+        try:
+            for number, (process, command) in enumerate(plan.commands(folder).items()):
+                machines.append(Machine(number, command, folder / f"{process}.txt"))
+                stack.callback(machines[-1].close)
+            watcher.wait_for(lambda: watcher.front.get("") == f"{plan.count} nodes", "fleet")
+            yield watcher, timings, machines[-plan.count :]
+        except BaseException:
+            for log in sorted(folder.glob("*.txt")):
+                print(f"--- {log.name}\n{log.read_text(errors='replace')[-1500:]}", flush=True)
+            raise

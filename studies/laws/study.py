@@ -5,26 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros import PhysicsConfig
 from smartmesh_ros.scenes.moving import Scene as MovingGround
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.grounds import Rigid, flat
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from smartmesh_ros.tools.evaluation.scene import Bodies, Scene
-from studies.body_contest import setup_of
+from studies.accuracy import setup_of
 from studies.configurations import OURS, RATE, Configuration, rivals, robot_configurations
-from studies.engines.engine import Contacts, Engine
-from studies.markdown import number, table
+from studies.engines.engine import Contacts, Engine, Simulation
 from studies.matrix.arena import square
-from studies.pages import ROOT, fill
-from studies.robots.engine import FRICTION, RobotEngine
-from studies.robots.engine import setup_of as setup_of_robots
-from studies.robots.robot import HUSKY
-from studies.robots.scene import RobotScene
+from studies.pages import ROOT, fill, number, table
+from studies.robots.robot import FRICTION, HUSKY, RobotEngine, robot_scene
+from studies.robots.robot import setup_of as setup_of_robots
 
 # Contacts count that carry more than this share of the weight. They slip above this speed [m/s]: maps leave open by up
 # to 6 cm/s how ground that tilts under a body moves along x and y.
@@ -126,23 +124,27 @@ def entered(configuration: Configuration, scene: Scene, shift: Any = (0.0, 0.0, 
     return engine
 
 
-def residuals_in(configuration: Configuration, scene: Scene) -> Residuals | None:
-    """Return the residuals of all contacts in a scene, None if the engine does not tell contacts."""
-    ground, dt, parts = scene.make_ground(), 1.0 / configuration.rate, []
-    with entered(configuration, scene) as engine:
-        for step in range(round(scene.duration / dt)):
-            now, then = (np.asarray(ground.heights((step + late) * dt), np.float64) for late in (0, 1))
-            if scene.moves:
+def residuals_in(
+    engine: Simulation, dt: float, span: tuple[float, float], weight: float, friction: float, scene: Scene | None = None
+) -> Residuals | None:
+    """Return the residuals of all contacts in steps of ``dt`` [s] from the first to the second time of a ``span`` [s],
+    on ground of a ``scene`` or at rest; None if the engine does not tell contacts."""
+    parts, ground = [], scene.make_ground() if scene else None
+    with engine:
+        for step in range(round(span[1] / dt)):
+            now, then = (ground.heights((step + late) * dt).astype(np.float64) if ground else None for late in (0, 1))
+            if scene and scene.moves:
                 engine.set_ground(engine.ready(now))
             before = engine.velocities()
             engine.step()
             contacts = engine.contacts()
             if contacts is None:
                 return None
-            if step * dt >= scene.settle and contacts.bodies.size:
+            if step * dt >= span[0] and contacts.bodies.size:
                 contacts = completed(contacts, (engine.velocities() - before)[:, :3] / dt)
-                contacts.velocities_w[:, 2] -= scene.surface((then - now) / dt).below(contacts.points_w)
-                parts.append(residuals(contacts, GRAVITY, scene.bodies.friction, dt))
+                if scene and now is not None and then is not None:
+                    contacts.velocities_w[:, 2] -= scene.surface((then - now) / dt).below(contacts.points_w)
+                parts.append(residuals(contacts, weight, friction, dt))
     return joined(parts)
 
 
@@ -176,7 +178,7 @@ def husky_entered(configuration: Configuration, ground: MovingGround, start: Flo
 
 def end_of_husky(configuration: Configuration, shift: FloatArray) -> FloatArray:
     """Return where a husky is (3,) [m] that drove over rough ground for a second."""
-    scene = RobotScene(robot=HUSKY, motion="maps", resolution=0.1)
+    scene = robot_scene(HUSKY, "maps", 0.1)
     with husky_entered(configuration, scene.ground, scene.starts[0] + shift, HUSKY.speed) as engine:
         for _ in range(round(configuration.rate)):
             engine.step()
@@ -186,17 +188,10 @@ def end_of_husky(configuration: Configuration, shift: FloatArray) -> FloatArray:
 def residuals_of_husky(configuration: Configuration) -> Residuals | None:
     """Return the residuals of a husky that slides with braked wheels, None if the engine does not tell contacts. The
     ground falls by 30 degrees along no axis of the world, nor of the robot."""
-    plane, parts = flat(square(31, 0.1)), []
+    plane = flat(square(31, 0.1))
     fall = np.tan(np.radians(30.0)) * (plane.x * ASKEW[0] + plane.y * ASKEW[1]) / np.hypot(*ASKEW[:2])
-    with husky_entered(configuration, Rigid(plane.geometry, -fall), np.array([0.0, 0.0, 0.35]), 0.0) as engine:
-        for step in range(round(1.5 * configuration.rate)):
-            engine.step()
-            contacts = engine.contacts()
-            if contacts is None:
-                return None
-            if step >= 0.5 * configuration.rate:
-                parts.append(residuals(contacts, HUSKY_MASS * GRAVITY, FRICTION, 1.0 / configuration.rate))
-    return joined(parts)
+    engine = husky_entered(configuration, Rigid(plane.geometry, -fall), np.array([0.0, 0.0, 0.35]), 0.0)
+    return residuals_in(engine, 1.0 / configuration.rate, (0.5, 1.5), HUSKY_MASS * GRAVITY, FRICTION)
 
 
 PAGE = ROOT / "docs" / "laws.md"
@@ -219,11 +214,12 @@ def competitors() -> list[Configuration]:
 
 def laws(groups: Sequence[str]) -> str:
     """Return the table of residuals: a row for each group of scenes and engine, and for each engine's husky."""
-    found = {
-        f"{group}: {one.name}": [residuals_in(one, scene) for scene in TRIALS if scene.name == group]
-        for group in groups
-        for one in competitors()
-    }
+    found: dict[str, list[Residuals | None]] = {}
+    for group, one in product(groups, competitors()):
+        row = found[f"{group}: {one.name}"] = []
+        for scene in (scene for scene in TRIALS if scene.name == group):
+            span, friction = (scene.settle, scene.duration), scene.bodies.friction
+            row.append(residuals_in(entered(one, scene), 1.0 / one.rate, span, GRAVITY, friction, scene))
     driving = [ROBOTS[one.name] for one in competitors() if one.name in ROBOTS]
     found |= {f"husky: {one.name}": [residuals_of_husky(one)] for one in driving}
     return table(["scenes: engine", *HEAD], [[name, *figures(parts)] for name, parts in found.items()])

@@ -1,24 +1,25 @@
-"""Runs a case: sends terrain to a node in a process of its own, and observes its outputs."""
+"""The cases of the load study, and what runs one: sends terrain to a node in a process of its own, and observes its
+outputs."""
 
 from __future__ import annotations
 
+import math
 from collections import deque
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, replace
 from time import monotonic
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose
 from numpy.typing import NDArray
 from rclpy.qos import QoSProfile
-from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, Timing, TrackedBody, TrackedBodyArray
+from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TrackedBody, TrackedBodyArray
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.tools.testing.messages import heightmap_message
 from smartmesh_ros.tools.testing.process import Process
-from studies.load.cases import CODES, PROBE_HEIGHT, PROBE_RADIUS, RESOLUTION, RIM, RIM_SLOPE, RISE, WAVE, Case
 from studies.load.processes import COLLIDER, Usage, Watcher
 
 FRAME = "map"
@@ -33,8 +34,7 @@ class TerrainMessages:
         self._map = heightmap_message(np.zeros((side, side), "f4"), resolution=RESOLUTION, frame_id=FRAME)
         self._region = HeightmapUpdate(width=window, height=window, heights=floats(np.zeros((window, window), "f4")))
         self._region.header.frame_id = FRAME
-        steps = np.arange(window) * RESOLUTION
-        self._x, y = np.meshgrid(steps, steps)
+        self._x, y = np.meshgrid(*[np.arange(window) * RESOLUTION] * 2)
         # Still at the window's edge, so that nothing tears, and higher there, so that nobody rolls off.
         room = np.minimum.reduce([self._x, y, self._x[::-1, ::-1], y[::-1, ::-1]])
         self._swell = WAVE[0] * np.clip(room / RIM, 0.0, 1.0)
@@ -47,21 +47,15 @@ class TerrainMessages:
         wave = self._swell * np.sin(WAVE[1] * self._x - WAVE[2] * time)
         wave += self._rim
         wave[self._flat] = RISE * (k % CODES)
-        result: NDArray[np.float32] = wave.astype(np.float32)
-        return result
+        return np.asarray(wave, np.float32)
 
-    def whole(self, k: int, time: float, stamp: Time) -> Heightmap:
-        """A Heightmap."""
-        window, side = len(self._x), self._map.info.width
-        np.frombuffer(self._map.heights, "f4").reshape(side, side)[:window, :window] = self.heights(k, time)
-        self._map.header.stamp = stamp
-        return self._map
-
-    def region(self, k: int, time: float, stamp: Time) -> HeightmapUpdate:
-        """A HeightmapUpdate."""
-        np.frombuffer(self._region.heights, "f4")[:] = self.heights(k, time).ravel()
-        self._region.header.stamp = stamp
-        return self._region
+    def message(self, k: int, time: float, stamp: Time, *, whole: bool) -> Heightmap | HeightmapUpdate:
+        """The whole map, or the part that moves."""
+        message, window = self._map if whole else self._region, len(self._x)
+        side = message.info.width if whole else window
+        np.frombuffer(message.heights, "f4").reshape(side, side)[:window, :window] = self.heights(k, time)
+        message.header.stamp = stamp
+        return message
 
 
 # Time for the node to settle [s].
@@ -90,13 +84,9 @@ class Driver(Watcher):
         self._code = -1
         self._start = monotonic()
 
-    def connected(self) -> bool:
-        """Whether the node listens."""
-        return bool(self._maps.get_subscription_count()) and bool(self._bodies.get_subscription_count())
-
     def start(self) -> None:
         """Sends the first map until it is taken and every body stands on it."""
-        self.wait_for(self.connected, "node")
+        self.wait_for(lambda: self._maps.get_subscription_count() and self._bodies.get_subscription_count(), "node")
         due = 0.0
 
         def settled() -> bool:
@@ -126,27 +116,30 @@ class Driver(Watcher):
     def measure(self) -> dict[str, Any]:
         """Runs the case; what was sent, taken, seen and timed meanwhile."""
         self.run(SETTLE)
-        self._come_to_rest()
+        end = monotonic() + FALL_ASLEEP
+        while int(self.health.get("asleep", 0)) < self._case.resting and monotonic() < end:
+            self.run(1.0)
         self._quiet()
         before, sent = self.taken(), self.sent
         self.windows.clear()
         self.latencies.clear()
         self.run(self._case.seconds)
-        windows, latencies = [_window(timing) for timing in self.windows], list(self.latencies)
+        latencies = [1e3 * latency for latency in self.latencies]
+        windows = [
+            {
+                "seconds": timing.window_s, "real_time_factor": timing.real_time_factor,
+                "misses": timing.deadline_misses,
+                "stages": {s.stage: [s.count, s.p50_us, s.p99_us, s.max_us] for s in timing.stages},
+            }
+            for timing in self.windows
+        ]  # fmt: skip
         self._quiet()
         return {
             "sent": self.sent - sent,
             "taken": self.taken() - before,
-            "latencies_ms": [1e3 * latency for latency in latencies],
+            "latencies_ms": latencies,
             "windows": windows,
-            "below_ground": int(self.health.get("below ground", 0)),
         }
-
-    def _come_to_rest(self) -> None:
-        """Runs the case until the bodies on ground at rest sleep, a minute at most."""
-        end = monotonic() + FALL_ASLEEP
-        while int(self.health.get("asleep", 0)) < self._case.resting and monotonic() < end:
-            self.run(1.0)
 
     def taken(self) -> int:
         """Maps and regions that the node has taken."""
@@ -156,11 +149,9 @@ class Driver(Watcher):
         """Sends the terrain as it is now."""
         now = monotonic()
         self._sent_at.append((self.sent, now))
-        stamp, time = self.get_clock().now().to_msg(), now - self._start
-        if whole:
-            self._maps.publish(self._messages.whole(self.sent, time, stamp))
-        else:
-            self._regions.publish(self._messages.region(self.sent, time, stamp))
+        stamp = self.get_clock().now().to_msg()
+        message = self._messages.message(self.sent, now - self._start, stamp, whole=whole)
+        (self._maps if whole else self._regions).publish(message)
         self.sent += 1
 
     def _quiet(self) -> None:
@@ -192,15 +183,6 @@ class Driver(Watcher):
         self.latencies += [now - sent for k, sent in self._sent_at if k % CODES == code]
 
 
-def _window(timing: Timing) -> dict[str, Any]:
-    return {
-        "seconds": timing.window_s,
-        "real_time_factor": timing.real_time_factor,
-        "misses": timing.deadline_misses,
-        "stages": {s.stage: [s.count, s.p50_us, s.p99_us, s.max_us] for s in timing.stages},
-    }
-
-
 def run_case(case: Case) -> dict[str, Any]:
     """Run a case; return what was seen, and what the node took meanwhile: CPUs used, and memory [MiB]. Raises
     `RuntimeError` with the node's output if it fails."""
@@ -214,3 +196,104 @@ def run_case(case: Case) -> dict[str, Any]:
         except Exception as error:
             raise RuntimeError(f"{case.name} failed: {node.output[-2000:]}") from error
         return {"case": asdict(case), **found, "cpus": {"node": cpus}, "memory_mib": {"node": usage.memory()}}
+
+
+Mode = Literal["full", "regions"]
+
+RESOLUTION = 0.1
+# Distance of the bodies, and their radius [m].
+SPACING, RADIUS = 0.45, 0.15
+# The wave under them: amplitude [m], wave number [rad/m] and angular frequency [rad/s].
+WAVE = (0.05, 1.0, 4.0)
+# Width [m] and slope of the rim around the moving part. Bodies up to 1.4 m/s cannot cross it.
+RIM, RIM_SLOPE = 0.4, 0.5
+# The probe is a tracked body over flat ground that jumps between CODES heights, so that the markers identify the map:
+# radius, height of the probe's centre, rise from code to code [m].
+PROBE_RADIUS, PROBE_HEIGHT, CODES, RISE = 0.5, 0.375, 4, 0.25
+# Speed above which ground counts as having jumped: above the wave's speed, below that of the jumps [m/s].
+MAX_VELOCITY = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One run: a map of ``side`` x ``side`` samples, ``bodies`` spheres, whole maps or regions at ``map_rate`` [Hz],
+    physics at ``physics_rate`` [Hz] for ``seconds`` [s]. ``resting``: number of the bodies that lie on ground at rest;
+    the others are on the moving part. ``markers``: whether they are listened to.
+    """
+
+    side: int
+    bodies: int
+    mode: Mode
+    map_rate: float
+    physics_rate: float
+    markers: bool = True
+    seconds: float = 6.0
+    resting: int = 0
+
+    @property
+    def name(self) -> str:
+        """Short and distinct."""
+        bodies = f"{self.bodies}-{self.resting}" if self.resting else str(self.bodies)
+        return f"{self.side}-{bodies}-{self.mode}-{self.map_rate:g}-{self.physics_rate:g}"
+
+    @property
+    def row(self) -> int:
+        """Bodies on one side of the square that those on the moving part are spawned in."""
+        return math.ceil(math.sqrt(self.bodies - self.resting))
+
+    @property
+    def window(self) -> int:
+        """Samples on one side of the part of the map that moves, whose first sample is (0, 0)."""
+        return 64 if self.row <= 10 else 192
+
+    @property
+    def probe(self) -> tuple[float, float]:
+        """Where the probe is [m]: beside the bodies, within the window."""
+        edge = (self.window - 1) * RESOLUTION
+        return edge - 0.75, 0.5 * edge
+
+    def parameters(self) -> dict[str, object]:
+        """Parameters of the node."""
+        moving = self.bodies - self.resting
+        places = [(0.4 + SPACING * (i % self.row), 0.4 + SPACING * (i // self.row)) for i in range(moving)]
+        side, first = math.ceil(math.sqrt(self.resting)), self.window * RESOLUTION + 2.0
+        places += [(first + SPACING * (i % side), first + SPACING * (i // side)) for i in range(self.resting)]
+        spawn = [
+            f"{{id: ball_{i}, shape: sphere, size: [{RADIUS}], mass: 1.0, "
+            f"xy: [{x:.2f}, {y:.2f}], above: {RADIUS + 0.02}}}"
+            for i, (x, y) in enumerate(places)
+        ]
+        return {
+            "physics.rate": self.physics_rate,
+            # Those of each step, where there are few enough to listen to.
+            "publish.patches": self.physics_rate if self.bodies <= 100 else 60.0,
+            "terrain.max_velocity": MAX_VELOCITY,
+            "bodies.spawn": spawn,
+        }
+
+
+def groups(*, quick: bool) -> dict[str, list[Case]]:
+    """Return all cases by the table that they are in: the grid bodies x maps x rates, in which each axis is varied with
+    the others at their middle values, and the corners of the targets are added; how memory grows with the map; and nine
+    of ten bodies at rest."""
+    middle = Case(side=1024, bodies=100, mode="regions", map_rate=60.0, physics_rate=240.0)
+    many = replace(middle, bodies=1000, physics_rate=60.0)
+    rest = replace(middle, bodies=1000, resting=900, markers=False)
+    if quick:
+        grid = [middle, replace(middle, mode="full", map_rate=30.0), many]
+        return {"grid": [replace(case, seconds=4.0) for case in grid], "memory": [], "rest": [rest]}
+    grid = [
+        replace(middle, bodies=bodies, physics_rate=rate) for rate in (240.0, 60.0) for bodies in (1, 10, 100, 1000)
+    ]
+    for side in (256, 1024, 4096):
+        rates = (10.0, 30.0, 60.0) if side < 4096 else (5.0,)
+        grid += [replace(middle, side=side, mode="full", map_rate=rate) for rate in rates]
+        grid += [replace(middle, side=side, map_rate=rate) for rate in (10.0, 30.0, 60.0)]
+    grid += [replace(many, side=side) for side in (256, 4096)]
+    grid += [replace(many, mode="full", map_rate=rate) for rate in (10.0, 30.0)]
+    few = replace(middle, bodies=10, physics_rate=60.0, markers=False)
+    memory = [replace(few, side=side, mode="full", map_rate=1.0) for side in (256, 4096)]
+    memory.append(replace(few, side=8192, mode="full", map_rate=0.3, seconds=10.0))
+    memory += [replace(few, side=side, map_rate=30.0) for side in (256, 4096, 8192, 16384)]
+    more = replace(rest, bodies=5000, resting=4500, physics_rate=60.0, seconds=10.0)
+    return {"grid": list({case.name: case for case in grid}.values()), "memory": memory, "rest": [rest, more]}

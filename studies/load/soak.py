@@ -12,9 +12,11 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.qos import QoSProfile
@@ -25,9 +27,9 @@ from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.tools.testing.process import Process
-from studies.load import soak_report
 from studies.load.processes import COLLIDER, Usage, Watcher
-from studies.load.tables import PAGE, PICTURES
+from studies.load.study import PAGE, PICTURES
+from studies.pages import fill, table
 
 # How often things happen [s].
 SOURCE_EVERY, SPAWN_EVERY, SETTING_EVERY, BAD_EVERY, SAMPLE_EVERY = 20.0, 2.0, 15.0, 0.5, 1.0
@@ -46,14 +48,14 @@ OUT = Path("out/soak")
 
 class Soak(Watcher):
     """Does things to the node and keeps its answers. ``samples``: a list for each figure. ``done``: what was done how
-    often. ``missing``: bodies that the node did not have when it was to remove them."""
+    often. ``missing``: number of bodies that the node did not have when it was to remove them."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         super().__init__()
         self._rng = rng
         self.samples: defaultdict[str, list[float]] = defaultdict(list)
         self.done: Counter[str] = Counter()
-        self.missing: list[str] = []
+        self.missing = 0
         self._spawner = self.create_client(SpawnBody, f"{COLLIDER}/spawn_body")
         self._remover = self.create_client(RemoveBody, f"{COLLIDER}/remove_body")
         self._setter = self.create_client(SetParameters, f"{COLLIDER}/set_parameters")
@@ -63,14 +65,15 @@ class Soak(Watcher):
         self.create_subscription(TrackedBodyArray, f"{COLLIDER}/body_states", self._on_states, 10)
         self.alive: list[str] = []
         self.seen: set[str] = set()
-        self.last_seen: dict[str, list[float]] = {}  # position in the last message with the body [m]
         self._count = 0
 
-    def connected(self) -> bool:
-        """Whether the node hears what is sent: else the first bad messages and calls would go nowhere."""
+    def ready(self) -> bool:
+        """Whether the node has a map, and hears what is sent: else the first bad messages and calls would go
+        nowhere."""
         clients = (self._spawner, self._remover, self._setter)
         heard = self._maps.get_subscription_count() and self._updates.get_subscription_count()
-        return bool(heard) and all(client.service_is_ready() for client in clients)
+        mapped = int(self.health.get("samples", 0)) > 0
+        return bool(heard) and mapped and all(client.service_is_ready() for client in clients)
 
     def spawn(self) -> None:
         """Spawns a body, and removes the oldest where there are many."""
@@ -85,11 +88,9 @@ class Soak(Watcher):
             self.alive.append(name)
             self.done["spawned"] += 1
         if len(self.alive) > MOST_BODIES:
-            oldest = self.alive.pop(0)
-            answer = self.call(self._remover, RemoveBody.Request(id=oldest))
-            self.done["removed"] += answer.success
-            if not answer.success:
-                self.missing.append(f"{oldest}, last seen at {self.last_seen.get(oldest)}: {answer.message}")
+            removed = self.call(self._remover, RemoveBody.Request(id=self.alive.pop(0))).success
+            self.done["removed"] += removed
+            self.missing += not removed
 
     def change_setting(self) -> None:
         """Changes the friction of later bodies, as which the node takes all its settings anew."""
@@ -115,16 +116,26 @@ class Soak(Watcher):
             self._updates.publish(HeightmapUpdate(x=2**31, width=1, height=1, heights=[0.0]))
         self.done["bad messages"] += 1
 
-    def refused(self) -> dict[str, int]:
-        """How often the node says that it refused something, by topic or service and reason."""
-        start = "refused, "
-        return {key.removeprefix(start): int(value) for key, value in self.health.items() if key.startswith(start)}
+    def refused(self) -> int:
+        """How often the node says that it refused something."""
+        return sum(int(value) for key, value in self.health.items() if key.startswith("refused, "))
+
+    def sample(self, usage: Usage, time: float) -> None:
+        """Notes how the node is, at a ``time`` [s]."""
+        memory, processes = usage.memory(), usage.processes()
+        figures = {
+            "time": time, "memory": memory["resident"] - memory["shared"],
+            "descriptors": sum(process.num_fds() for process in processes),
+            "threads": sum(process.num_threads() for process in processes),
+            "topics": len(self.get_topic_names_and_types()),
+            "factor": self.windows[-1].real_time_factor if self.windows else 0.0, "latency": self.ping(),
+            "below": float(self.health.get("below ground", 0)),
+        }  # fmt: skip
+        for name, value in figures.items():
+            self.samples[name].append(float(value))
 
     def _on_states(self, message: TrackedBodyArray) -> None:
         self.seen = {body.id for body in message.bodies}
-        for body in message.bodies:
-            at = body.pose.position
-            self.last_seen[body.id] = [round(value, 2) for value in (at.x, at.y, at.z)]
 
 
 def source_parameters(rng: np.random.Generator) -> dict[str, Any]:
@@ -142,7 +153,7 @@ def run(minutes: float) -> dict[str, Any]:
     shown = {"publish.patches": 10.0, "publish.body_states": 10.0}
     with Process("terrain_collider", shown) as collider, Soak(rng) as node, ExitStack() as source:
         source.callback(Process("terrain_source", source_parameters(rng)).close)
-        node.wait_for(lambda: node.connected() and int(node.health.get("samples", 0)) > 0, "map")
+        node.wait_for(node.ready, "map")
         usage = Usage(collider.process.pid)
         start = monotonic()
 
@@ -151,10 +162,14 @@ def run(minutes: float) -> dict[str, Any]:
             source.callback(Process("terrain_source", source_parameters(rng)).close)
             node.done["sources killed"] += 1
 
+        def tell() -> None:
+            last = {name: f"{values[-1]:.4g}" for name, values in node.samples.items()}
+            print(f"{len(node.alive)} bodies, {node.refused()} refused, {last}", flush=True)
+
         actions: tuple[tuple[float, Callable[[], None]], ...] = (
             (SOURCE_EVERY, restart_source), (SPAWN_EVERY, node.spawn), (SETTING_EVERY, node.change_setting),
-            (BAD_EVERY, node.send_bad), (SAMPLE_EVERY, lambda: _sample(node, usage, monotonic() - start)),
-            (TELL_EVERY, lambda: _tell(node, minutes)),
+            (BAD_EVERY, node.send_bad), (SAMPLE_EVERY, lambda: node.sample(usage, monotonic() - start)),
+            (TELL_EVERY, tell),
         )  # fmt: skip
         due = [start if every < SOURCE_EVERY else start + every for every, _ in actions]
         while (now := monotonic()) < start + 60.0 * minutes and collider.process.poll() is None:
@@ -168,33 +183,9 @@ def run(minutes: float) -> dict[str, Any]:
         node.spin(3.0)
         return {
             "minutes": round(node.samples["time"][-1] / 60.0, 1), "samples": node.samples, "done": node.done,
-            "refused": node.refused(), "lost": sorted(set(node.alive) - node.seen) + node.missing,
+            "refused": node.refused(), "lost": len(set(node.alive) - node.seen) + node.missing,
             "below_ground": int(node.health.get("below ground", 0)),
         }  # fmt: skip
-
-
-def _tell(node: Soak, minutes: float) -> None:
-    """Prints how it stands."""
-    last = {name: values[-1] for name, values in node.samples.items()}
-    print(
-        f"{last['time'] / 60.0:4.0f} of {minutes:g} min  {len(node.alive)} bodies  {last['memory']:.0f} MiB  "
-        f"real time {last['factor']:.2f}  latency {last['latency']:.1f} ms  {sum(node.refused().values())} refused",
-        flush=True,
-    )
-
-
-def _sample(node: Soak, usage: Usage, time: float) -> None:
-    memory, processes = usage.memory(), usage.processes()
-    figures = {
-        "time": time, "memory": memory["resident"] - memory["shared"],
-        "descriptors": sum(process.num_fds() for process in processes),
-        "threads": sum(process.num_threads() for process in processes),
-        "topics": len(node.get_topic_names_and_types()),
-        "factor": node.windows[-1].real_time_factor if node.windows else 0.0, "latency": node.ping(),
-        "below": float(node.health.get("below ground", 0)),
-    }  # fmt: skip
-    for name, value in figures.items():
-        node.samples[name].append(float(value))
 
 
 def main(args: list[str] | None = None) -> None:
@@ -208,4 +199,85 @@ def main(args: list[str] | None = None) -> None:
     use_large_message_profile()
     with isolated_unless_chosen():
         data = run(options.minutes)
-    soak_report.report(data, out, PAGE if options.document else None)
+    report(data, out, PAGE if options.document else None)
+
+
+# The start is left out: buffers grow to the largest map and message, and pools of colliders fill. Share of the time.
+WARM_UP = 0.2
+# Samples in a row are alike; the slope's error is that of the means of so many blocks.
+BLOCKS = 12
+FIGURES = {
+    "memory": ("resident memory, without DDS's segments", "MiB"),
+    "descriptors": ("file descriptors", ""),
+    "threads": ("threads", ""),
+    "topics": ("topics", ""),
+    "latency": ("latency of a service call", "ms"),
+    "factor": ("real-time factor", ""),
+}
+
+
+class Slope(NamedTuple):
+    """Change per hour, its standard error, and the median."""
+
+    per_hour: float
+    error: float
+    median: float
+
+
+def slope_of(times: NDArray[np.float64], values: NDArray[np.float64]) -> Slope:
+    """The line through the means of blocks, by least squares; ``times`` in seconds."""
+    if not np.ptp(values):
+        return Slope(0.0, 0.0, float(values[0]))  # and not what rounding leaves
+    t, v = (np.array([block.mean() for block in np.array_split(each, BLOCKS)]) for each in (times / 3600.0, values))
+    (per_hour, _), covariance = np.polyfit(t, v, 1, cov=True)
+    return Slope(float(per_hour), float(np.sqrt(covariance[0, 0])), float(np.median(values)))
+
+
+def is_flat(slope: Slope) -> bool:
+    """Return True if a slope is within two standard errors of zero, or below a hundredth of the median an hour."""
+    return abs(slope.per_hour) <= max(2.0 * slope.error, 0.01 * abs(slope.median))
+
+
+def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
+    """The picture, and the table of the page."""
+    samples = {name: np.array(values) for name, values in data["samples"].items()}
+    kept = samples["time"] >= WARM_UP * samples["time"].max()
+    slopes = {name: slope_of(samples["time"][kept], samples[name][kept]) for name in FIGURES}
+    _draw(samples, slopes, data["minutes"], out / "soak.png")
+    rows = []
+    for name, (what, unit) in FIGURES.items():
+        s = slopes[name]
+        rows.append([what, f"{s.median:.4g} {unit}", f"{s.per_hour:+.3g} {unit} ± {s.error:.2g}",
+                     "flat" if is_flat(s) else "**changes**"])  # fmt: skip
+    done = data["done"]
+    words = (
+        f"{data['minutes']:g} minutes: {done['sources killed']} sources killed and started with a map of another size, "
+        f"{done['spawned']} bodies spawned and {done['removed']} removed, settings changed {done['settings changed']} "
+        f"times. Bad messages and calls: {done['bad messages'] + done['bad calls']} sent, {data['refused']} refused by "
+        f"the node's count. Bodies lost: {data['lost']} of {done['spawned']}; below the ground at the end: "
+        f"{data['below_ground']}, at any sample at most {max(samples['below']):.0f}."
+    )
+    text = table(["figure", "median", "change per hour", ""], rows) + "\n\n" + words
+    print(text)
+    if page is not None:
+        fill(page, {"soak": text})
+
+
+def _draw(samples: dict[str, NDArray[np.float64]], slopes: dict[str, Slope], minutes: float, path: Path) -> None:
+    figure = Figure(figsize=(11, 6), layout="constrained")
+    axes = figure.subplots(2, 2, sharex=True)
+    time = samples["time"] / 60.0
+    for axis, name in zip(axes.flat, ("memory", "descriptors", "latency", "factor"), strict=True):
+        what, unit = FIGURES[name]
+        axis.plot(time, samples[name], linewidth=0.8, color="#084594")
+        axis.axvspan(0.0, WARM_UP * time.max(), color="grey", alpha=0.15, label="not in the slope")
+        s = slopes[name]
+        axis.set_title(f"{what}: {s.per_hour:+.3g} ± {s.error:.2g} {unit} per hour", fontsize=10)
+        axis.set_ylabel(f"{what}{f' [{unit}]' if unit else ''}", fontsize=8)
+        axis.set_ylim(bottom=0.0)
+        axis.grid(alpha=0.3)
+    axes[0, 0].legend(fontsize=8)
+    for axis in axes[1]:
+        axis.set_xlabel("time [min]")
+    figure.suptitle(f"The node while everything around it changes, {minutes:g} minutes")
+    figure.savefig(path, dpi=110)

@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+import math
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.figure import Figure
 
+from smartmesh_ros import HeightMap
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
-from smartmesh_ros.terrain.heightmap import HeightMap
-from studies.load import tables
-from studies.load.cases import Case, groups
-from studies.load.driver import run_case
-from studies.load.tables import PAGE, PICTURES, Summary
-from studies.machine import short
-from studies.markdown import table
-from studies.pages import digest_of, fill
-from studies.results_file import read_results, save_results
+from studies.load.driver import Case, groups, run_case
+from studies.pages import digest_of, fill, table
+from studies.running import read_results, save_results, short
 
 SIDES = (256, 1024, 4096, 8192, 16384)
 # Samples on one side of a region, and how many are taken.
 REGION, COUNT, WARM_UP = 64, 1000, 20
+SHARES = (10, 50, 90, 99)  # percentiles of the times
 
 
 def measure_regions(*, quick: bool) -> list[dict[str, Any]]:
@@ -45,48 +43,28 @@ def measure_regions(*, quick: bool) -> list[dict[str, Any]]:
                 if turn >= WARM_UP:
                     times[side].append(1e6 * (perf_counter() - start))
         for side in sides:
-            low, median, high, highest = np.percentile(times[side], [10, 50, 90, 99])
-            found.append({"side": side, "way": way, "count": count, "p10_us": low, "p50_us": median, "p90_us": high,
-                          "p99_us": highest})  # fmt: skip
-            print(f"regions {way} on {side}^2: {median:.1f} us ({low:.1f} to {high:.1f})", flush=True)
+            found.append({"side": side, "way": way, "count": count})
+            for share in SHARES:
+                found[-1][f"p{share}_us"] = np.percentile(times[side], share)
+            print(f"regions {way} on {side}^2: {found[-1]['p50_us']:.1f} us", flush=True)
     return found
-
-
-def regions_table(found: Sequence[dict[str, Any]]) -> str:
-    """The same as a Markdown table."""
-    head = ["map", "regions", "place", "median [us]", "10 to 90 % [us]", "99 % [us]"]
-    rows = []
-    for r in found:
-        low, median, high, highest = (f"{r[f'p{share}_us']:.1f}" for share in (10, 50, 90, 99))
-        rows.append([f"{r['side']}^2", str(r["count"]), r["way"], median, f"{low} to {high}", highest])
-    return table(head, rows)
-
-
-def run(case: Case) -> dict[str, Any]:
-    """Runs a case, and prints a line about it."""
-    result = run_case(case)
-    s = Summary(result)
-    print(
-        f"{case.name:50s} update+step {s.update_and_step:6.2f} ms  missed {100 * s.missed:6.2f} %  "
-        f"real time {s.real_time_factor:.2f}  lost {s.lost}",
-        flush=True,
-    )
-    return result
 
 
 def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
     """Pictures, and the tables of the page."""
     found = data["groups"]
-    summaries = {name: [Summary(result) for result in found.get(name, [])] for name in groups(quick=True)}
+    summaries = {name: [summary_of(result) for result in found.get(name, [])] for name in groups(quick=True)}
     if summaries["grid"]:
-        tables.draw(summaries["grid"], data["machine"], out)
+        draw(summaries["grid"], data["machine"], out)
+    regions = []
+    for r in data.get("regions", []):
+        low, median, high, highest = (f"{r[f'p{share}_us']:.1f}" for share in SHARES)
+        regions.append([f"{r['side']}^2", str(r["count"]), r["way"], median, f"{low} to {high}", highest])
+    head = ["map", "regions", "place", "median [us]", "10 to 90 % [us]", "99 % [us]"]
     blocks = {
-        "grid": tables.runs(summaries["grid"]),
-        "memory": tables.memory(summaries["memory"]),
-        "rest": tables.runs(summaries["rest"]),
-        "machine": f"Machine: {data['machine']}.",
-        "regions": regions_table(data.get("regions", [])),
-    }
+        "grid": runs(summaries["grid"]), "memory": memory(summaries["memory"]), "rest": runs(summaries["rest"]),
+        "machine": f"Machine: {data['machine']}.", "regions": table(head, regions),
+    }  # fmt: skip
     if page is not None:
         code = data["code"]
         fill(page, blocks, {name: code.get(name, code.get("grid", "unknown")) for name in blocks})
@@ -111,9 +89,155 @@ def main(args: list[str] | None = None) -> None:
                 continue
             data["code"][group], data["groups"][group] = digest_of("node"), []
             for case in members:
-                data["groups"][group].append(run(case))
+                data["groups"][group].append(result := run_case(case))
+                s = summary_of(result)
+                words = f"{100 * s.missed:.2f} % missed, real time {s.real_time_factor:.2f}, lost {s.lost}"
+                print(f"{case.name}: {words}", flush=True)
                 save_results(file, data)
         if options.only in (None, "regions"):
             data["code"]["regions"], data["regions"] = digest_of("node"), measure_regions(quick=options.quick)
     save_results(file, data)
     report(data, out, None if options.quick else PAGE)
+
+
+UPDATE = ("search", "collect")
+# The page of the load study and the soak, and the folder of its pictures and what they show.
+PAGE, PICTURES = Path("docs/performance.md"), Path("docs/images/load")
+
+
+class Summary(NamedTuple):
+    """One run.
+
+    ``stages`` [ms]: by name, median over windows of a second of the window's median and 99th percentile, and the
+    maximum over all windows; NaN for a stage that did not run. ``a_step`` [ms]: time of a stage by its name, number of
+    runs times the window's median, summed and divided by the number of steps, because not every stage runs in every
+    step. ``cpu_per_step`` [ms]: processor time of the node. ``missed``: share of the deadlines. ``real_time_factor``:
+    simulated seconds per second. ``latencies`` [ms]: from sending to the marker, sorted; none if no marker was
+    received. ``sent``, ``lost``: maps and regions, and those that the node never took. ``cpus`` used by the node, and
+    its ``memory`` [MiB].
+    """
+
+    case: Case
+    stages: dict[str, list[float]]
+    a_step: dict[str, float]
+    cpu_per_step: float
+    missed: float
+    real_time_factor: float
+    latencies: list[float]
+    sent: int
+    lost: int
+    cpus: float
+    memory: dict[str, float]
+
+
+def summary_of(result: dict[str, Any]) -> Summary:
+    """Return what `driver.run_case` found."""
+    case, windows, cpus = Case(**result["case"]), result["windows"], result["cpus"]["node"]
+    # A starved node may not have sent any windows.
+    seconds = float(sum(w["seconds"] for w in windows)) or math.nan
+    steps = sum(w["stages"]["step"][0] for w in windows) or math.nan
+    stages, a_step = {}, {}
+    for name in ("search", "collect", "step", "publish", "ingest", "total", "lateness"):
+        times = np.array([w["stages"][name] for w in windows if w["stages"][name][0]]).reshape(-1, 4)
+        a_step[name] = float(times[:, 0] @ times[:, 1] / steps / 1e3)
+        columns = [*np.median(times[:, 1:3], axis=0), times[:, 3].max()] if len(times) else [math.nan] * 3
+        stages[name] = [float(time) / 1e3 for time in columns]
+    return Summary(
+        case=case, stages=stages, a_step=a_step, cpu_per_step=1e3 * cpus * seconds / steps,
+        missed=sum(w["misses"] for w in windows) / (case.physics_rate * seconds),
+        real_time_factor=float(np.mean([w["real_time_factor"] for w in windows])) if windows else math.nan,
+        latencies=sorted(result["latencies_ms"]), sent=result["sent"], lost=max(result["sent"] - result["taken"], 0),
+        cpus=cpus, memory=result["memory_mib"]["node"],
+    )  # fmt: skip
+
+
+def runs(summaries: list[Summary]) -> str:
+    """All runs of one group."""
+    head = [
+        "bodies", "map", "input", "physics [Hz]", "whole step 50 / 99 % [ms]", "update a step [ms]",
+        "`stepSimulation` [ms]", "markers [ms]", "ingest [ms]", "real-time factor", "late 50 / 99 / 100 % [ms]",
+        "missed", "in to out 50 / 99 / 100 % [ms]", "lost", "CPUs", "memory [MiB]",
+    ]  # fmt: skip
+    rows = [
+        [
+            str(s.case.bodies), f"{s.case.side}^2", f"{s.case.mode} at {s.case.map_rate:g} Hz",
+            f"{s.case.physics_rate:g}", _ms(s.stages["total"][:2]), _ms([sum(s.a_step[name] for name in UPDATE)]),
+            *(_ms(s.stages[name][:1]) for name in ("step", "publish", "ingest")), f"{s.real_time_factor:.2f}",
+            _ms(s.stages["lateness"]), f"{100 * s.missed:.2f} %",
+            _ms(np.percentile(s.latencies, (50, 99, 100)).tolist()) if s.latencies else "-", f"{s.lost} of {s.sent}",
+            f"{s.cpus:.2f}", f"{s.memory['resident']:.0f}",
+        ]
+        for s in summaries
+    ]  # fmt: skip
+    return table(head, rows)
+
+
+def memory(summaries: list[Summary]) -> str:
+    """Memory against the map's size."""
+    head = ["map", "input", "map's bytes [MiB]", "resident [MiB]", "of that shared with DDS", "peak [MiB]"]
+    rows = [
+        [f"{s.case.side}^2", s.case.mode, f"{4.0 * s.case.side**2 / 2**20:.1f}",
+         *(f"{s.memory[kind]:.0f}" for kind in ("resident", "shared", "peak"))]
+        for s in summaries
+    ]  # fmt: skip
+    return table(head, rows)
+
+
+def _ms(values: list[float]) -> str:
+    return " / ".join(f"{value:.3g}" if math.isfinite(value) else "-" for value in values)
+
+
+STAGES = {"search": "#9ecae1", "collect": "#4292c6", "step": "#d95f0e", "publish": "#74c476"}
+
+
+def draw(summaries: list[Summary], machine: str, folder: Path) -> None:
+    """Draw the pictures of the runs of the grid."""
+    for name, draw_into in (("bodies", _bodies), ("latency", _latency)):
+        figure = Figure(layout="constrained")
+        draw_into(figure, summaries)
+        figure.text(0.995, 0.002, machine, fontsize=6, ha="right", va="bottom", color="grey")
+        figure.savefig(folder / f"{name}.png", dpi=110)
+
+
+def _bodies(figure: Figure, summaries: list[Summary]) -> None:
+    """Where a step's time goes, by the number of bodies."""
+    figure.set_size_inches(11, 4.2)
+    axes = figure.subplots(1, 2)
+    for axis, rate in zip(axes, (240.0, 60.0), strict=True):
+        runs = sorted(
+            (s for s in summaries if s.case.physics_rate == rate and s.case.side == 1024 and s.case.mode == "regions"
+             and s.case.map_rate == 60.0), key=lambda s: s.case.bodies)  # fmt: skip
+        bottom = np.zeros(len(runs))
+        for stage, colour in STAGES.items():
+            times = np.nan_to_num([s.a_step[stage] for s in runs])
+            axis.bar(range(len(runs)), times, bottom=bottom, color=colour, label=stage, width=0.6)
+            bottom += times
+        axis.axhline(1e3 / rate, color="black", linestyle="--", linewidth=1, label="time there is")
+        axis.plot(range(len(runs)), [s.cpu_per_step for s in runs], "kx", label="processor time a step, all in")
+        axis.set_xticks(range(len(runs)), [str(s.case.bodies) for s in runs])
+        title = f"{rate:g} Hz physics, regions of a 1024$^2$ map at 60 Hz"
+        axis.set(xlabel="bodies", ylabel="time a step [ms]", title=title)
+    axes[0].legend(fontsize=8)
+
+
+def _latency(figure: Figure, summaries: list[Summary]) -> None:
+    """From a region that is sent to the marker that shows it."""
+    figure.set_size_inches(10, 4.5)
+    axis = figure.subplots()
+    axis.set_prop_cycle(color=[*mpl.colormaps["tab10"](range(10)), "black", "gold"])  # twelve, one for each line
+    for s in sorted(summaries, key=lambda s: (s.case.bodies, -s.case.physics_rate)):
+        if s.case.side != 1024 or not s.latencies or s.case.map_rate not in (30.0, 60.0):
+            continue
+        share = np.arange(1, len(s.latencies) + 1) / len(s.latencies)
+        style = "--" if s.case.mode == "full" else "-"
+        bodies = "1 body" if s.case.bodies == 1 else f"{s.case.bodies} bodies"
+        label = f"{bodies}, {s.case.mode} at {s.case.map_rate:g} Hz, physics {s.case.physics_rate:g} Hz"
+        axis.plot(s.latencies, share, style, linewidth=1.2, label=label)
+    axis.set_xscale("log")
+    ticks = [2, 5, 10, 20, 50, 100]
+    axis.set_xticks(ticks, [str(tick) for tick in ticks])
+    axis.minorticks_off()
+    axis.set(xlabel="from the map that is sent to the marker that shows it [ms]", ylabel="share of the maps",
+             title="Latency through the node, 1024$^2$ map")  # fmt: skip
+    figure.legend(loc="outside right upper", fontsize=7, frameon=False)
+    axis.grid(alpha=0.3)

@@ -1,26 +1,25 @@
-"""A world on moving ground with what the rows of the matrix measure."""
+"""Rows and columns of the stability matrix, and a world on moving ground with what the rows measure."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
 
-from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros import BodyState, GridGeometry, HeightMap, MotionConfig, PhysicsConfig, WorldConfig
 from smartmesh_ros.ground.shapes import Shape
-from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.scenes.moving import Scene
-from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
-from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.clearance import clearances
 from smartmesh_ros.tools.evaluation.distance import Surface
 from smartmesh_ros.tools.evaluation.grounds import Rigid, make_ground
-from smartmesh_ros.world.world import WorldConfig
+from studies.configurations import BARE
 from studies.engines.smartmesh import NEVER_LOST
-from studies.matrix.row import Method
+from studies.report.config import ReportConfig
 from studies.report.ground import world_on
 from studies.robots import robot
 
@@ -40,9 +39,9 @@ Heights = Callable[[FloatArray, FloatArray], Any]
 class Arena:
     """Bodies on one height map that follows a ground function. Use it as a context manager.
 
-    ``ground``: name and settings as in `make_ground`; or, of ground at rest, heights (R, C) [m] or a function
-    height(x, y) [m] of positions (1, C) and (R, 1) [m]. ``map_rate`` [Hz]: rate of maps; 0 = one map. ``motion``: how
-    maps are processed.
+    ``ground``: a scene, or name and settings as in `make_ground`; or, of ground at rest, heights (R, C) [m] or a
+    function height(x, y) [m] of positions (1, C) and (R, 1) [m]. ``map_rate`` [Hz]: rate of maps; 0 = one map.
+    ``motion``: how maps are processed.
     """
 
     def __init__(
@@ -57,8 +56,10 @@ class Arena:
         motion: MotionConfig | None = None,
     ) -> None:
         self.geometry = square(size, resolution)
-        if callable(ground):
-            self.ground: Scene = Rigid(self.geometry, lambda x, y: ground(np.float64(x), np.float64(y)))
+        if isinstance(ground, Scene):
+            self.ground, self.geometry = ground, ground.geometry
+        elif callable(ground):
+            self.ground = Rigid(self.geometry, lambda x, y: ground(np.float64(x), np.float64(y)))
         else:
             named = isinstance(ground, dict)
             self.ground = make_ground(self.geometry, **ground) if named else Rigid(self.geometry, ground)
@@ -116,6 +117,13 @@ class Arena:
         """Return the largest figure after any step of a time [s]."""
         return max(figure() for _ in self.run(seconds))
 
+    def drift(self, settle: float, seconds: float) -> float:
+        """Return how far [mm] the last body moves in a time [s], after another in which it comes to rest."""
+        self.settle(settle)
+        before = self.positions()[-1]
+        self.settle(seconds)
+        return 1e3 * math.dist(before, self.positions()[-1])
+
     def _poses(self) -> tuple[FloatArray, FloatArray]:
         """Return centres (N, 3) [m] and orientations (N, 4) of the bodies."""
         states = [self.world.client.getBasePositionAndOrientation(self.world.bodies[name].uid) for name in self.shapes]
@@ -143,6 +151,21 @@ class Arena:
         return set(np.flatnonzero(positions[:, 2] < self.surface().below(positions)).tolist())
 
 
+Place = tuple[float, float, float]
+ANY = math.nan  # in a place: anywhere along that axis
+
+
+def off(
+    shape: Shape, start: Place, place: Place, method: Method, seconds: float = 1.0, state: Any = None, **more: Any
+) -> float:
+    """Distance [mm] of a body from the ``place`` where it should be so many seconds after its ``start`` [m], with
+    further parts of its ``state``, in an arena with ``more`` settings."""
+    with Arena(method, **more) as arena:
+        arena.spawn("body", shape, start, **(state or {}))
+        arena.settle(seconds)
+        return 1e3 * float(np.sqrt(np.nansum(np.square(arena.positions()[0] - place))))
+
+
 def deepest(arena: Arena, seconds: float, settle: float, every: int = 4, share: float = 99.0) -> float:
     """Penetration [mm], so many per cent, over a run; infinite where a body is lost."""
     depths = []
@@ -161,3 +184,55 @@ def lost_in(arena: Arena, seconds: float) -> float:
         if step % 8 == 7:
             gone |= arena.lost()
     return float(len(gone))
+
+
+# The report's colliders; None = contacts from the map.
+Method = ReportConfig | None
+Figure = Callable[[Method], float]
+
+METHODS: dict[str, Method] = {
+    "defaults": None,
+    "heightfield": ReportConfig(kind="heightfield"),
+    "rebuilt trimesh": ReportConfig(kind="trimesh", **BARE),
+    "convex hull": ReportConfig(kind="hull", **BARE),
+    "whole trimesh": ReportConfig(kind="whole_trimesh", **BARE),
+    "whole heightfield": ReportConfig(kind="whole_heightfield", **BARE),
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One test: ``figure`` of a method must not exceed ``limit`` [``unit``].
+
+    ``source``: where the limit comes from. ``quick``: part of the quick run, and of the tests for the defaults.
+    ``skip``: methods it makes no sense for, or that take too long.
+    """
+
+    name: str
+    figure: Figure
+    limit: float
+    unit: str
+    source: str
+    quick: bool = False
+    skip: tuple[str, ...] = ()
+
+
+# A row for the defaults alone: the other methods are there for their colliders' sake.
+own_row = partial(Row, skip=tuple(name for name in METHODS if name != "defaults"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """A cell: ``figure`` [``unit``], None = not run; infinite = lost or not reached."""
+
+    row: str
+    method: str
+    figure: float | None
+    limit: float
+    unit: str
+    source: str
+
+    @property
+    def passed(self) -> bool | None:
+        """Return True if the figure is within the limit; None if there is no figure."""
+        return None if self.figure is None else bool(self.figure <= self.limit)

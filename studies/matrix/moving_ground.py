@@ -1,4 +1,4 @@
-"""Rows on ground that moves: heave, launch, waves, slow maps."""
+"""Rows on ground that moves: heave, launch, waves, slow maps; and on what changes at once: holes, maps, places."""
 
 from __future__ import annotations
 
@@ -10,28 +10,29 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
-from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros import BodyState, Box, Capsule, Cylinder, HeightMap, PhysicsConfig, Sphere
+from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
-from studies.matrix.arena import HUSKY, Arena, deepest, lost_in, square
-from studies.matrix.row import Method, Row
+from studies.matrix.arena import ANY, HUSKY, Arena, Method, Row, deepest, lost_in, off, square
+from studies.matrix.rules import HILLS
 
-BALL = Sphere(0.2)
+BALL, START = Sphere(0.2), (0.013, 0.017, 0.2)
+LIFTED: dict[str, Any] = {"size": 21, "map_rate": 240.0}
+# Ground that falls away at 2 g by 2 m.
+DROP: dict[str, Any] = {"ground": {"kind": "drop", "acceleration": 2.0 * GRAVITY, "depth": 2.0}, **LIFTED}
 
 
 def _rising(speed: float, method: Method) -> float:
     """Penetration [mm] of a ball on ground that has risen for a quarter of a second."""
-    with Arena(method, {"kind": "lift", "speed": speed, "duration": 2.0}, size=21, map_rate=240.0) as arena:
-        arena.spawn("ball", BALL, (0.013, 0.017, 0.2))
+    with Arena(method, {"kind": "lift", "speed": speed, "duration": 2.0}, **LIFTED) as arena:
+        arena.spawn("ball", BALL, START)
         return deepest(arena, 1.0, 0.25, every=1, share=100.0)
 
 
 def _launch(speed: float, method: Method) -> float:
     """Error [%] of the height to which a ball is thrown by ground that rises and stops."""
-    with Arena(method, {"kind": "lift", "speed": speed, "duration": 1.0}, size=21, map_rate=240.0) as arena:
-        arena.spawn("ball", BALL, (0.013, 0.017, 0.2))
+    with Arena(method, {"kind": "lift", "speed": speed, "duration": 1.0}, **LIFTED) as arena:
+        arena.spawn("ball", BALL, START)
         highest = max(arena.most(1.1 + speed / GRAVITY, lambda: arena.positions()[0, 2] - 0.2 - speed), 0.0)
         # As a share of the whole rise, and of the throw where that is the larger part.
         throw = speed**2 / (2.0 * GRAVITY)
@@ -55,8 +56,8 @@ def drags(method: Method) -> float:
 
 def falls_away(method: Method) -> float:
     """By how many steps a ball lags behind free fall over ground that falls away at 2 g."""
-    with Arena(method, {"kind": "drop", "acceleration": 2.0 * GRAVITY, "depth": 2.0}, size=21, map_rate=240.0) as arena:
-        arena.spawn("ball", BALL, (0.013, 0.017, 0.2))
+    with Arena(method, **DROP) as arena:
+        arena.spawn("ball", BALL, START)
         worst = 0.0
         dt = 1.0 / 240.0
         for time in arena.run(0.9 * math.sqrt(2.0 * 2.0 / GRAVITY)):
@@ -65,25 +66,18 @@ def falls_away(method: Method) -> float:
         return worst
 
 
-def lands_after_fall(method: Method) -> float:
-    """Error [mm] of the rest height on ground that fell away at 2 g by 2 m."""
-    with Arena(method, {"kind": "drop", "acceleration": 2.0 * GRAVITY, "depth": 2.0}, size=21, map_rate=240.0) as arena:
-        return 1e3 * abs(float(arena.rest_of(BALL, (0.013, 0.017, 0.2), 2.0)[2]) + 1.8)
-
-
 def floats(method: Method) -> float:
     """Largest gap or penetration [mm] of a ball on level ground that heaves by 0.5 m every 2 s, well below g."""
-    with Arena(method, {"kind": "heave", "height": 0.5, "period": 2.0}, size=21, map_rate=240.0) as arena:
-        arena.spawn("ball", BALL, (0.013, 0.017, 0.2))
+    with Arena(method, {"kind": "heave", "height": 0.5, "period": 2.0}, **LIFTED) as arena:
+        arena.spawn("ball", BALL, START)
         arena.settle(0.5)
         return 1e3 * arena.most(2.0, lambda: abs(float(arena.clearances()[0])))
 
 
-def _wave(amplitude: float, number: float, frequency: float) -> dict[str, Any]:
-    return {"kind": "waves", "amplitude": amplitude, "number": number, "frequency": frequency}
-
-
-WAVES = {1: _wave(0.3, 1.0, 1.0), 4: _wave(0.3, 1.0, 4.0), 8: _wave(0.5, 1.5, 8.0), 16: _wave(0.5, 1.5, 16.0)}
+WAVES: dict[int, dict[str, Any]] = {
+    frequency: {"kind": "waves", "amplitude": amplitude, "number": number, "frequency": float(frequency)}
+    for frequency, amplitude, number in ((1, 0.3, 1.0), (4, 0.3, 1.0), (8, 0.5, 1.5), (16, 0.5, 1.5))
+}
 
 
 def _waves(
@@ -125,10 +119,11 @@ def robot(method: Method) -> float:
         return float(len(gone))
 
 
+_LANDS = partial(off, BALL, START, (ANY, ANY, -1.8), seconds=2.0, **DROP)
 _STEADY = "theory: the ball stays on"
 _UNKNOWN = "free fall; in the first step nobody knows of it"
 _FACTS = "a limit of this project, 99 %"
-ROWS = (
+_MOVING = (
     Row("T5 ground rising, 0.1 m/s", partial(_rising, 0.1), 1.0, "mm", _STEADY),
     Row("T5 ground rising, 1 m/s", partial(_rising, 1.0), 1.0, "mm", _STEADY),
     Row("T5 ground rising, 3 m/s", partial(_rising, 3.0), 1.0, "mm", _STEADY, quick=True),
@@ -137,7 +132,7 @@ ROWS = (
     Row("launch, 8 m/s", partial(_launch, 8.0), 2.0, "%", "ballistics"),
     Row("T5 ground sliding, 0.5 m/s", drags, 5.0, "%", "theory: the box goes along"),
     Row("ground falling at 2 g", falls_away, 1.0, "steps late", _UNKNOWN, quick=True),
-    Row("landing after it", lands_after_fall, 1.0, "mm", "rest height"),
+    Row("landing after it", _LANDS, 1.0, "mm", "rest height"),
     Row("floating on heaving ground", floats, 1.0, "mm", _STEADY),
     Row("waves, w = 1", partial(_rides, 1), 2.0, "mm", _FACTS),
     Row("waves, w = 4", partial(_rides, 4), 4.0, "mm", _FACTS, quick=True),
@@ -155,3 +150,83 @@ ROWS = (
     Row("1,000 balls packed close", crowd, 0.0, "lost", "none lost", skip=("rebuilt trimesh", "convex hull")),
     Row("a robot on waves", robot, 0.0, "links lost", "none lost"),
 )
+
+
+def _buried(centre: float, method: Method) -> float:
+    """Fastest way up [m/s] of a ball that starts in the ground; infinite where it does not come out in 2 s."""
+    with Arena(method, size=21) as arena:
+        arena.spawn("ball", Sphere(0.2), (0.013, 0.017, centre))
+        fastest = arena.most(2.0, lambda: float(arena.velocities()[0, 2]))
+        return fastest if abs(arena.positions()[0, 2] - 0.2) < 5e-3 else math.inf
+
+
+def _falls(shape: Box | Sphere, centre: float, rests: float, ground: float, method: Method) -> float:
+    """Steps until a body that rests with its ``centre`` [m] above the ground for a while [s] falls when the ``ground``
+    under it goes down to a height [m], NaN = a hole."""
+    with Arena(method) as arena:
+        arena.rest_of(shape, (0.013, 0.017, centre), rests)
+        arena.heightmap.update_region(20, 20, np.full((21, 21), ground), time=arena.world.time)
+        for step, _ in enumerate(arena.run(1.0)):
+            if arena.velocities()[0, 2] < -0.5 * GRAVITY / 240.0:
+                return float(step + 1)
+        return math.inf
+
+
+def teleports(method: Method) -> float:
+    """Deepest penetration [mm] of a ball that is put down somewhere else on hills every 12 steps."""
+    rng = np.random.default_rng(4)
+    with Arena(method, HILLS) as arena:
+        arena.spawn("ball", Sphere(0.2), (0.0, 0.0, 1.0))
+        uid = arena.world.bodies["ball"].uid
+        worst = 0.0
+        for _ in range(40):
+            x, y = rng.uniform(-6.0, 6.0, 2).tolist()
+            ground = float(arena.heightmap.at([[x, y]], 0.0).heights[0])
+            arena.world.client.resetBasePositionAndOrientation(uid, (x, y, ground + 0.23), (0, 0, 0, 1))
+            arena.world.client.resetBaseVelocity(uid, (0, 0, -1.0), (0, 0, 0))
+            worst = max(worst, arena.most(12 / 240.0, lambda: -float(arena.clearances()[0])))
+        return 1e3 * worst
+
+
+def maps_change(method: Method) -> float:
+    """Largest rise or fall [mm] of a box at rest while maps of other sizes and resolutions replace its own."""
+    with Arena(method) as arena:
+        arena.spawn("box", Box(0.4, 0.4, 0.2), (0.013, 0.017, 0.1))
+        arena.settle(1.0)
+        before, worst = arena.positions()[0, 2], 0.0
+        for size, resolution in ((101, 0.1), (41, 0.3), (151, 0.05), (31, 0.5)):
+            level = HeightMap(np.zeros((size, size)), geometry=square(size, resolution), time=arena.world.time)
+            arena.world.terrain.put("", level)
+            worst = max(worst, arena.most(30 / 240.0, lambda: abs(arena.positions()[0, 2] - before)))
+        return 1e3 * worst
+
+
+def sinks_beside(method: Method) -> float:
+    """How far [mm] a box is above 10 cm under its place, a second after all but the nearest sample sank by 1 m."""
+    with Arena(method, {"kind": "noise", "deviation": 0.01}) as arena:
+        arena.spawn("box", Box(0.3, 0.3, 0.2), (0.1, 0.05, 0.15))
+        arena.settle(1.0)
+        before = arena.positions()[0]
+        nearest = np.rint(arena.geometry.to_grid(before[:2])).astype(int)
+        sunk = arena.heightmap.heights - 1.0
+        sunk[nearest[0], nearest[1]] += 1.0
+        arena.tell(sunk)
+        arena.settle(1.0)
+        return 1e3 * max(float(arena.positions()[0, 2]) - (float(before[2]) - 0.1), 0.0)
+
+
+_HOLE = np.pad(np.full((21, 21), np.nan), 20)
+_RIM = partial(off, Sphere(0.1), (-2.85, 0.017, 0.1), (ANY, ANY, 0.1), ground=_HOLE)
+_CORNER = partial(off, Sphere(0.3), (-7.4, -7.4, 0.3), (ANY, ANY, 0.3))
+_CHANGES = (
+    Row("T7 buried by half", partial(_buried, 0.05), 4.0, "m/s", "comes out, at a capped speed"),
+    Row("T7 centre below the ground", partial(_buried, -0.1), 4.0, "m/s", "comes out, at a capped speed", quick=True),
+    Row("T9 dug away", partial(_falls, Box(0.3, 0.3, 0.3), 0.15, 5.0, -1.0), 3.0, "steps", "a few steps", quick=True),
+    Row("hole opens", partial(_falls, Sphere(0.2), 0.2, 1.0, np.nan), 3.0, "steps", "a few steps"),
+    Row("rim of a hole", _RIM, 1.0, "mm", "rest height", skip=("whole trimesh",)),
+    Row("corner of the map", _CORNER, 1.0, "mm", "rest height"),
+    Row("teleporting ball", teleports, 10.0, "mm", "half of 0.5 m/s in a step and slop"),
+    Row("maps change at rest", maps_change, 1.0, "mm", "nothing moves", quick=True),
+    Row("ground sinks beside a sample", sinks_beside, 0.0, "mm", "it falls off", quick=True),
+)
+ROWS = (*_MOVING, *_CHANGES)

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 import resource
-from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.shapes import Box, Sphere
-from studies.matrix.arena import Arena
-from studies.matrix.row import Method, Row
+from smartmesh_ros import Box, InputError, Sphere
+from studies.matrix.arena import Arena, Method, Row
 
 HILLS = {"kind": "sinusoid", "amplitude": 0.3, "wavelength": 4.0}
 
@@ -94,12 +92,8 @@ def bad_input(method: Method) -> float:
         arena.spawn("ball", Sphere(0.2), (0.013, 0.017, 0.2))
         arena.settle(1.0)
         before = arena.positions()[0]
-        attempts: tuple[Callable[[], None], ...] = (
-            lambda: arena.tell(np.zeros((60, 61))),
-            lambda: arena.tell(np.full((61, 61), np.inf)),
-            lambda: arena.heightmap.update_region(55, 0, np.ones((9, 9)), time=arena.world.time),
-        )
-        for take in attempts:
+        beyond = partial(arena.heightmap.update_region, 55, 0, np.ones((9, 9)), time=arena.world.time)
+        for take in (partial(arena.tell, np.zeros((60, 61))), partial(arena.tell, np.full((61, 61), np.inf)), beyond):
             try:
                 take()
             except InputError:
@@ -111,17 +105,16 @@ def bad_input(method: Method) -> float:
 
 def leaks(method: Method) -> float:
     """Memory that stays for every collider changed [bytes], over 4,000 changes once all colliders are made."""
+
+    def resident() -> float:
+        return float(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+
     with Arena(method, {"kind": "waves"}, size=21, map_rate=240.0) as arena:
         arena.scatter(16, Sphere(0.2), 1.5, 0.3)
         arena.settle(300 / 240.0)
-        before = _resident()
+        before = resident()
         arena.settle(250 / 240.0)
-        return (_resident() - before) / 4000.0
-
-
-def _resident() -> float:
-    """Memory of this process [bytes]."""
-    return float(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+        return (resident() - before) / 4000.0
 
 
 def replays(method: Method) -> float:
@@ -161,10 +154,7 @@ def rests(method: Method) -> float:
     """How far [mm] a box at rest on a bump drifts in 5 s."""
     with Arena(method, {"kind": "noise", "deviation": 0.01}) as arena:
         arena.spawn("box", Box(0.6, 0.5, 0.3), (0.013, 0.017, 0.2))
-        arena.settle(2.0)
-        before = arena.positions()[0]
-        arena.settle(5.0)
-        return 1e3 * math.dist(before, arena.positions()[0])
+        return arena.drift(2.0, 5.0)
 
 
 _WHOLE = ("whole trimesh", "whole heightfield")

@@ -6,21 +6,16 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from operator import methodcaller
 from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.ground.shapes import Box, Sphere
-from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros import BodyState, Box, InputError, JointCommand, MotionConfig, PhysicsConfig, Sphere
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.states import SimulatedStates
-from studies.matrix.arena import HUSKY, Arena
-from studies.matrix.row import Method, Row, own_row
+from studies.matrix.arena import HUSKY, Arena, Method, Row, own_row
 from studies.matrix.still_ground import lay_on_slope
 
 RATE, MAPS = 240, 60.0  # steps and maps in a second
@@ -59,18 +54,16 @@ def play(
     return path
 
 
-def astray(build: Build, event: Event, method: Method, **more: Any) -> float:
-    """Largest distance [mm] of any body from its place in a world that never sleeps, at the end; infinite if one is
-    lost."""
+def astray(build: Build, event: Event, method: Method, of: str = "", **more: Any) -> float:
+    """Largest distance [mm] of any body, or ``of`` one, from its place in a world that never sleeps, at the end;
+    infinite if one is lost."""
     asleep, awake = (play(method, build, event, sleep=sleep, **more)[-1] for sleep in (True, False))
     if asleep.keys() != awake.keys():
         return math.inf
-    return 1e3 * max(math.dist(asleep[name], awake[name]) for name in awake)
+    return 1e3 * max(math.dist(asleep[name], awake[name]) for name in ([of] if of else awake))
 
 
-def box_alone(arena: Arena) -> None:
-    """One box."""
-    arena.spawn("box", Box(0.2, 0.2, 0.2), (0.5, 0.03, 0.1))
+box_alone = methodcaller("spawn", "box", Box(0.2, 0.2, 0.2), (0.5, 0.03, 0.1))
 
 
 def ball_and_box(arena: Arena) -> None:
@@ -79,16 +72,12 @@ def ball_and_box(arena: Arena) -> None:
     box_alone(arena)
 
 
-def pile(count: int) -> Build:
+def pile(arena: Arena, count: int) -> None:
     """Boxes in columns of five, side by side."""
-
-    def build(arena: Arena) -> None:
-        for index in range(count):
-            column, level = divmod(index, 5)
-            x, y = divmod(column, 4)
-            arena.spawn(f"box_{index}", Box(0.2, 0.2, 0.2), (0.21 * x, 0.21 * y, 0.1 + 0.2 * level))
-
-    return build
+    for index in range(count):
+        column, level = divmod(index, 5)
+        x, y = divmod(column, 4)
+        arena.spawn(f"box_{index}", Box(0.2, 0.2, 0.2), (0.21 * x, 0.21 * y, 0.1 + 0.2 * level))
 
 
 def changed_map(change: Callable[[float], Any], *, region: bool = False) -> Event:
@@ -105,9 +94,9 @@ def changed_map(change: Callable[[float], Any], *, region: bool = False) -> Even
     return event
 
 
-def rise(height: float, speed: float) -> Callable[[float], Any]:
+def rise(height: float, speed: float, *, region: bool = False) -> Event:
     """Ground that rises by a ``height`` [m] at a ``speed`` [m/s] and stays there."""
-    return lambda time: FLAT + np.float32(min(speed * (time + 1.0 / MAPS), height))
+    return changed_map(lambda time: FLAT + np.float32(min(speed * (time + 1.0 / MAPS), height)), region=region)
 
 
 def sunk(height: float) -> Event:
@@ -124,9 +113,10 @@ def once(act: Callable[[Arena], None]) -> Event:
 
 def rises(method: Method) -> float:
     """Ground rises by 0.1 to 300 mm at 0.05 to 3 m/s, by maps and by regions: the worst of all."""
-    changes = [rise(height, speed) for height in (1e-4, 1e-3, 0.01, 0.3) for speed in (0.05, 3.0)]
-    events = [changed_map(change, region=region) for change in changes for region in (False, True)]
-    return max(astray(ball_and_box, event, method) for event in events)
+    return max(
+        astray(ball_and_box, rise(height, speed, region=region), method)
+        for height, speed, region in product((1e-4, 1e-3, 0.01, 0.3), (0.05, 3.0), (False, True))
+    )
 
 
 def slide(arena: Arena) -> None:
@@ -143,7 +133,7 @@ def turn_gravity(arena: Arena) -> None:
 
 def bottom_taken(method: Method) -> float:
     """The lowest box of a column of five is removed: error [mm] of the heights that the others come to rest at."""
-    ends = play(method, pile(5), once(lambda arena: arena.world.remove("box_0")), sleep=True)[-1]
+    ends = play(method, partial(pile, count=5), once(lambda arena: arena.world.remove("box_0")), sleep=True)[-1]
     return 1e3 * float(max(abs(ends[f"box_{level + 1}"][2] - 0.1 - 0.2 * level) for level in range(4)))
 
 
@@ -172,18 +162,11 @@ def drive_husky(arena: Arena, speed: float) -> None:
         arena.world.command("husky", joint, JointCommand(velocity=speed))
 
 
-def robot_pushes(method: Method) -> float:
-    """A robot drives into a row of three boxes: how far the farthest ends from its place in a world that never
-    sleeps."""
-
-    def build(arena: Arena) -> None:
-        spawn_husky(arena, -1.2)
-        for index in range(3):
-            arena.world.spawn(f"box_{index}", Box(0.3, 0.3, 0.3), 2.0, BodyState((0.4 + 0.31 * index, 0.0, 0.15)))
-
-    drive = once(partial(drive_husky, speed=5.0))
-    asleep, awake = (play(method, build, drive, sleep=sleep)[-1]["box_2"] for sleep in (True, False))
-    return 1e3 * math.dist(asleep, awake)
+def robot_and_row(arena: Arena) -> None:
+    """A robot before a row of three boxes."""
+    spawn_husky(arena, -1.2)
+    for index in range(3):
+        arena.world.spawn(f"box_{index}", Box(0.3, 0.3, 0.3), 2.0, BodyState((0.4 + 0.31 * index, 0.0, 0.15)))
 
 
 def guest_comes(method: Method) -> float:
@@ -240,29 +223,29 @@ SOURCE = "a world that never sleeps"
 # Where bodies tumble against one another, two runs differ by centimetres whatever sleeps.
 CHAOS = "a world that never sleeps; chaos"
 
-# Rows about what happens to a ball and a box; where the ground is gone they fall as far as awake ones.
-_DUG, _HOLE = partial(astray, ball_and_box, sunk(-0.2)), partial(astray, ball_and_box, sunk(math.nan), steps=60)
-_NO_TILE = partial(astray, ball_and_box, once(lambda arena: arena.world.terrain.remove("")), steps=60)
-_SLIDES = partial(astray, ball_and_box, once(slide), steps=240)
-_UP = changed_map(lambda _: FLAT + 0.05)
-_CORRECTED = partial(astray, ball_and_box, _UP, motion=MotionConfig(changes="correction"))
-_TURNS = partial(astray, ball_and_box, once(turn_gravity), steps=60)
-# The ground under ten columns of five boxes rises by 2 cm; a robot at rest gets a joint command.
-_PILE = partial(astray, pile(50), changed_map(rise(0.02, 0.1)))
-_COMMAND = partial(astray, partial(spawn_husky, x=0.0), once(partial(drive_husky, speed=2.0)), steps=240)
+
+def row(
+    name: str, build: Build, event: Event, limit: float = 1.0, source: str = SOURCE, *, quick: bool = True, **more: Any
+) -> Row:
+    """Return a row on `astray`, with ``more`` settings."""
+    return Row(f"sleep: {name}", partial(astray, build, event, **more), limit, "mm", source, quick=quick)
+
+
+# A ball and a box, a pile, a robot before a row of boxes, and one at rest; where the ground is gone bodies fall as far
+# as awake ones.
 ROWS = (
     Row("sleep: ground rises", rises, 1.0, "mm", SOURCE),
-    Row("sleep: dug away", _DUG, 1.0, "mm", SOURCE, quick=True),
-    Row("sleep: a hole", _HOLE, 1.0, "mm", SOURCE, quick=True),
-    Row("sleep: its tile goes", _NO_TILE, 1.0, "mm", SOURCE, quick=True),
-    Row("sleep: slides", _SLIDES, 1.0, "mm", SOURCE, quick=True),
-    Row("sleep: corrected", _CORRECTED, 1.0, "mm", SOURCE, quick=True),
+    row("dug away", ball_and_box, sunk(-0.2)),
+    row("a hole", ball_and_box, sunk(math.nan), steps=60),
+    row("its tile goes", ball_and_box, once(lambda arena: arena.world.terrain.remove("")), steps=60),
+    row("slides", ball_and_box, once(slide), steps=240),
+    row("corrected", ball_and_box, changed_map(lambda _: FLAT + 0.05), motion=MotionConfig(changes="correction")),
     Row("sleep: bottom taken", bottom_taken, 1.0, "mm", "geometry", quick=True),
-    Row("sleep: pile of 50", _PILE, 5.0, "mm", CHAOS),
+    row("pile of 50", partial(pile, count=50), rise(0.02, 0.1), 5.0, CHAOS, quick=False),
     Row("sleep: hit", hit, 1.0, "mm", SOURCE, quick=True),
-    Row("sleep: robot pushes", robot_pushes, 50.0, "mm", CHAOS),
-    Row("sleep: joint commanded", _COMMAND, 5.0, "mm", CHAOS, quick=True),
-    Row("sleep: gravity turns", _TURNS, 1.0, "mm", SOURCE, quick=True),
+    row("robot pushes", robot_and_row, once(partial(drive_husky, speed=5.0)), 50.0, CHAOS, quick=False, of="box_2"),
+    row("joint commanded", partial(spawn_husky, x=0.0), once(partial(drive_husky, speed=2.0)), 5.0, CHAOS, steps=240),
+    row("gravity turns", ball_and_box, once(turn_gravity), steps=60),
     Row("sleep: guest comes", guest_comes, 5.0, "mm", CHAOS, quick=True),
     own_row("sleep: fused noise", noise, 50.0, "%", "asleep most of the time"),
     own_row("sleep: an hour on 25 degrees", long_on_slope, 0.0, "mm", "Coulomb"),

@@ -4,54 +4,30 @@ on faster than their patches follow."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.ground.shapes import Box, Shape, Sphere
-from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros import BodyState, Box, PhysicsConfig, Sphere
+from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
-from studies.matrix.arena import Arena, Heights, deepest
-from studies.matrix.row import Method, Row
+from studies.matrix.arena import Arena, Heights, Method, Row, deepest, off
 from studies.matrix.still_ground import sinks
+from studies.soil.vehicles import joint_of, link_of
 
 SLOPE = 0.3  # [-], less than the friction of 0.5
 
 
-def _pit(x: FloatArray, y: FloatArray) -> Any:
-    """Four planes that meet in the sample at the origin, each a cell's."""
-    return SLOPE * (np.abs(x) + np.abs(y))
-
-
-def rests_on(
-    form: Heights, shape: Shape, rest: tuple[float, float, float], start: float,
-    method: Method, size: int = 21, resolution: float = 0.25,
-) -> float:  # fmt: skip
-    """Distance [mm] of a body on ground of a ``form`` from its place at ``rest`` (3,) [m], a second after it was put
-    down there at a height of ``start`` [m]."""
-    with Arena(method, form, size=size, resolution=resolution) as arena:
-        return 1e3 * math.dist(arena.rest_of(shape, (*rest[:2], start)), rest)
-
-
 def on_corner(shape: Shape, height: float, drop: float) -> Callable[[Method], float]:
-    """Return `rests_on` for the corner of four cells, all of which a body touches at rest at a ``height`` [m]."""
-    return partial(rests_on, _pit, shape, (0.0, 0.0, height), height + drop)
-
-
-def rolls_along_seam(method: Method) -> float:
-    """Error [mm] of where a ball gets that rolls for 2 s at 0.2 m/s along a seam, which is the bottom of a groove."""
-    secant = math.hypot(1.0, SLOPE)
-    with Arena(method, lambda x, y: SLOPE * np.abs(y), size=21) as arena:
-        # It rolls on two circles, nearer to its axis than its own radius.
-        spin = 0.2 / (0.2 / secant)
-        arena.spawn("ball", Sphere(0.2), (0.0, 0.0, 0.2 * secant), linear=(0.2, 0.0, 0.0), angular=(0.0, spin, 0.0))
-        arena.settle(2.0)
-        return 1e3 * math.dist(arena.positions()[0], (0.4, 0.0, 0.2 * secant))
+    """Return `off` for the corner of four cells, each a plane, all of which a body touches at rest at a ``height``
+    [m]."""
+    start, rest = (0.0, 0.0, height + drop), (0.0, 0.0, height)
+    return partial(off, shape, start, rest, ground=lambda x, y: SLOPE * (np.abs(x) + np.abs(y)), size=21)
 
 
 def rolls_over_corners(method: Method) -> float:
@@ -69,9 +45,9 @@ _CELLS = "cells of 1 and 0.1 m"
 
 def box_in_valley(method: Method) -> float:
     """Error [mm] of the rest height of a box across a valley, which stands on two of its edges; the worst of cells."""
-    height = SLOPE * 0.2 + 0.1
-    box = partial(rests_on, lambda x, y: SLOPE * np.abs(x), Box(0.4, 0.3, 0.2), (0.0, 0.013, height), height + 0.005)
-    return max(box(method, resolution=resolution) for resolution in _CREASE_CELLS)
+    rest = (0.0, 0.013, SLOPE * 0.2 + 0.1)
+    box = partial(off, Box(0.4, 0.3, 0.2), (*rest[:2], rest[2] + 0.005), rest, size=21)
+    return max(box(method, ground=lambda x, y: SLOPE * np.abs(x), resolution=cell) for cell in _CREASE_CELLS)
 
 
 def box_on_ridge(method: Method) -> float:
@@ -89,22 +65,12 @@ def box_on_ridge(method: Method) -> float:
     return worst
 
 
-_SPINNER = """
-<robot name="spinner">
-  <link name="base">
-    <inertial><mass value="50"/><inertia ixx="2" iyy="2" izz="2" ixy="0" ixz="0" iyz="0"/></inertial>
-    <collision><geometry><box size="0.3 0.3 0.1"/></geometry></collision>
-  </link>
-  <link name="bar">
-    <inertial><mass value="1"/><inertia ixx="0.001" iyy="0.0836" izz="0.0836" ixy="0" ixz="0" iyz="0"/></inertial>
-    <collision><geometry><box size="1.0 0.05 0.05"/></geometry></collision>
-  </link>
-  <joint name="spin" type="continuous">
-    <parent link="base"/><child link="bar"/><origin xyz="0 0 0.1"/><axis xyz="0 0 1"/>
-    <limit effort="5" velocity="50"/>
-  </joint>
-</robot>
-"""
+_BLOCK = '<collision><geometry><box size="{}"/></geometry></collision>'
+_LINKS = link_of("base", 50.0, (2.0, 2.0, 2.0), _BLOCK.format("0.3 0.3 0.1")) + link_of(
+    "bar", 1.0, (0.001, 0.0836, 0.0836), _BLOCK.format("1.0 0.05 0.05")
+)
+_MOUNT = '<origin xyz="0 0 0.1"/><limit effort="5" velocity="50"/>'
+_SPINNER = f'<robot name="spinner">{_LINKS}{joint_of("spin", "base", "bar", "0 0 1", _MOUNT)}</robot>'
 
 
 def spins_into_wall(method: Method) -> float:
@@ -147,7 +113,13 @@ def trench_opens(method: Method) -> float:
 
 _BALL = on_corner(Sphere(0.2), 0.2 * math.sqrt(1.0 + 2.0 * SLOPE**2), 0.01)
 _BOX = on_corner(Box(0.12, 0.1, 0.08), SLOPE * (0.06 + 0.05) + 0.04, 0.005)
-_ON_LIPS = partial(rests_on, _trench, _HELD, _LIPS, 0.15, size=61, resolution=0.05)
+# It rolls along a seam, the bottom of a groove, on two circles, nearer to its axis than its own radius.
+_SECANT = math.hypot(1.0, SLOPE)
+_SEAM = partial(
+    off, Sphere(0.2), (0.0, 0.0, 0.2 * _SECANT), (0.4, 0.0, 0.2 * _SECANT), seconds=2.0,
+    state={"linear": (0.2, 0.0, 0.0), "angular": (0.0, _SECANT, 0.0)}, ground=lambda x, y: SLOPE * np.abs(y), size=21,
+)  # fmt: skip
+_ON_LIPS = partial(off, _HELD, (*_LIPS[:2], 0.15), _LIPS, ground=_trench, size=61, resolution=0.05)
 _THIN_BOX = partial(sinks, Box(2.0, 0.1, 0.05), {"kind": "noise", "deviation": 0.01}, 81, 0.05, 0.1, 0.8)
 
 
@@ -161,12 +133,14 @@ def _step(start: float, height: float) -> Heights:
     return lambda x, y: np.where(x > start, height, 0.0)
 
 
-def _hit_sideways(arena: Arena, shape: Shape, height: float) -> None:
-    """Has a body lie still, and hits it right after an update of its patch."""
-    arena.spawn("body", shape, (0.013, 0.017, height))
-    arena.settle(1.0 + 1.0 / RATE)
-    client, uid = arena.world.client, arena.world.bodies["body"].uid
-    client.resetBaseVelocity(uid, (_HIT, 0.0, 0.0), (0.0, 0.0, 0.0))
+@contextmanager
+def _blow(method: Method, shape: Shape, height: float, form: Any = 0.0) -> Iterator[Arena]:
+    """Yield an arena whose body lay still and is hit, right after an update of its patch."""
+    with Arena(method, form, size=61, physics=_SMOOTH) as arena:
+        arena.spawn("body", shape, (0.013, 0.017, height))
+        arena.settle(1.0 + 1.0 / RATE)
+        arena.world.client.resetBaseVelocity(arena.world.bodies["body"].uid, (_HIT, 0.0, 0.0), (0.0, 0.0, 0.0))
+        yield arena
 
 
 def _seldom(method: Method) -> Method:
@@ -176,8 +150,7 @@ def _seldom(method: Method) -> Method:
 
 def hit_on_flat_ground(method: Method) -> float:
     """Error [mm] of where a box without friction is at any time within half a second of a blow to 6 m/s."""
-    with Arena(_seldom(method), size=61, physics=_SMOOTH) as arena:
-        _hit_sideways(arena, Box(0.4, 0.4, 0.2), 0.1)
+    with _blow(_seldom(method), Box(0.4, 0.4, 0.2), 0.1) as arena:
         start, worst = arena.positions()[0], 0.0
         for step, _ in enumerate(arena.run(0.5)):
             worst = max(worst, math.dist(arena.positions()[0], start + ((step + 1) * _HIT / RATE, 0.0, 0.0)))
@@ -186,8 +159,7 @@ def hit_on_flat_ground(method: Method) -> float:
 
 def hit_over_an_edge(method: Method) -> float:
     """Error [mm] of the height of a ball that a blow to 6 m/s drives over an edge, beyond which it falls freely."""
-    with Arena(_seldom(method), _step(0.6, -1.0), size=61, physics=_SMOOTH) as arena:  # level up to a sample at 0.5 m
-        _hit_sideways(arena, Sphere(0.2), 0.2)
+    with _blow(_seldom(method), Sphere(0.2), 0.2, _step(0.6, -1.0)) as arena:  # level up to a sample at 0.5 m
         worst, fall = 0.0, 0.0
         for _ in arena.run(0.35):
             x, _, z = arena.positions()[0].tolist()
@@ -198,8 +170,7 @@ def hit_over_an_edge(method: Method) -> float:
 
 def hit_against_a_step(method: Method) -> float:
     """Deepest penetration [mm] of a ball of 0.2 m that a blow to 6 m/s drives against a step of twice its radius."""
-    with Arena(method, _step(0.6, 0.4), size=61, physics=_SMOOTH) as arena:
-        _hit_sideways(arena, Sphere(0.2), 0.2)
+    with _blow(method, Sphere(0.2), 0.2, _step(0.6, 0.4)) as arena:
         return deepest(arena, 0.35, 0.0, every=1, share=100.0)
 
 
@@ -216,7 +187,7 @@ _AT_6 = "main mesh; a step at 6 m/s"
 ROWS = (
     Row("ball on the corner of four cells", _BALL, 1.0, "mm", "geometry: r sqrt(1 + 2 s^2)", quick=True),
     Row("small box on the corner of four cells", _BOX, 0.5, "mm", "geometry: stands on its corners"),
-    Row("rolling along a seam", rolls_along_seam, 5.0, "mm", "theory: v t, r sec(slope); PyBullet gains 2 % of speed"),
+    Row("rolling along a seam", _SEAM, 5.0, "mm", "theory: v t, r sec(slope); PyBullet gains 2 % of speed"),
     Row("rolling over corners of cells", rolls_over_corners, 1.0, "mm", "main mesh"),
     Row(f"box across a valley, {_CELLS}", box_in_valley, 1.0, "mm", "geometry: stands on its edges", quick=True),
     Row(f"box across a ridge, {_CELLS}", box_on_ridge, 4.0, "mm", "main mesh, a step at 1 m/s; the slope's tilt"),

@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache, partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.ground.shapes import Box, Shape, Sphere
+from smartmesh_ros import Box, MotionConfig, Sphere
+from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import IntArray
-from smartmesh_ros.terrain.motion import MotionConfig
-from studies.matrix.arena import Arena
+from studies.matrix.arena import Arena, Method, own_row
 from studies.matrix.moving_ground import WAVES
-from studies.matrix.row import Method, own_row
 
 BODIES: dict[str, Shape] = {"balls": Sphere(0.2), "boxes": Box(0.4, 0.4, 0.3)}
 STEP = 1.0 / 240.0
@@ -22,21 +21,17 @@ STEP = 1.0 / 240.0
 SETTLE, DURATION = 1.0, 5.0
 
 
-class Ride(NamedTuple):
-    """Motion of bodies on waves: penetration, 99 % [mm], and the maximum height of any centre above the troughs, as a
-    share of the waves' height from trough to crest [%]."""
-
-    depth: float
-    rise: float
-
-
 # Of the waves, kind of the bodies, stamps of the maps [s], their noise [m] and its seed.
 Run = tuple[int, str, tuple[float, ...], float, int]
 
 
 @cache
-def ride(frequency: int, kind: str, stamps: tuple[float, ...], noise: float, seed: int, method: Method) -> Ride:
-    """Return the motion of sixteen bodies on waves, with maps at ``stamps`` [s] and white ``noise`` [m]."""
+def ride(
+    frequency: int, kind: str, stamps: tuple[float, ...], noise: float, seed: int, method: Method
+) -> tuple[float, float]:
+    """Return the motion of sixteen bodies on waves, with maps at ``stamps`` [s] and white ``noise`` [m]: penetration,
+    99 % [mm], and the maximum height of any centre above the troughs, as a share of the waves' height from trough to
+    crest [%]."""
     rng, due, depths, highest = np.random.default_rng(seed), list(stamps), [], 0.0
     shape, waves = BODIES[kind], WAVES[frequency]
     with Arena(method, waves) as arena:
@@ -53,7 +48,7 @@ def ride(frequency: int, kind: str, stamps: tuple[float, ...], noise: float, see
                 depths.append(-arena.clearances())
                 highest = max(highest, float(arena.positions()[:, 2].max()) - rest)
     most = waves["amplitude"]
-    return Ride(max(1e3 * float(np.nanpercentile(depths, 99.0)), 0.0), 100.0 * (highest + most) / (2.0 * most))
+    return (max(1e3 * float(np.nanpercentile(depths, 99.0)), 0.0), 100.0 * (highest + most) / (2.0 * most))
 
 
 # By name, and of the numbers of maps (M,): the instants at which they come, in intervals.
@@ -73,13 +68,13 @@ def stamps_of(rate: float, name: str = "") -> tuple[float, ...]:
 
 def deeper(unit: float, run: Run, exact: Run, method: Method) -> float:
     """How much deeper bodies are in the ground than in an ``exact`` run, 99 % [``unit`` mm]."""
-    return (ride(*run, method).depth - ride(*exact, method).depth) / unit
+    return (ride(*run, method)[0] - ride(*exact, method)[0]) / unit
 
 
 def risen(run: Run, exact: Run | None, method: Method) -> float:
     """How far the highest body rises, of what it does in an ``exact`` run, None = of what the waves do [%]."""
-    found = ride(*run, method).rise
-    return found if exact is None else 100.0 * found / ride(*exact, method).rise
+    found = ride(*run, method)[1]
+    return found if exact is None else 100.0 * found / ride(*exact, method)[1]
 
 
 # Stamps, rate of the maps [Hz], and how much more seldom the even ones are that they are compared with: nobody knows

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
-from studies.machine import describe, measured_on
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, NullLocator
+
+from studies.chart import PLAIN
 from studies.pages import ROOT, fill
-from studies.progress import Progress
-from studies.records.cells import cells_table
-from studies.records.picture import draw
-from studies.records.tax import tax_table
-from studies.records.touchdown import touchdown_table
-from studies.records.world_tax import world_table
-from studies.results_file import save_results
+from studies.records.motion import ENTRANTS, OURS, cells_table, touchdown_table
+from studies.records.tax import engine_table, world_table
+from studies.running import describe, measured_on, save_results, say
 
 PAGE, RESULTS, PICTURE = (ROOT / "docs" / name for name in ("records.md", "records.json", "images/records.png"))
 # How often each cost is measured, in turns: in `World`, and in the engines.
@@ -26,13 +27,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m studies records", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="two turns in place of all, and no page")
     quick = parser.parse_args(arguments).quick
-    say = Progress()
     tables: dict[str, str] = {}
     results: dict[str, Any] = {}
     records: dict[str, Callable[[], tuple[str, Any]]] = {
         "touchdown": touchdown_table,
         "cells": cells_table,
-        "tax of engines": lambda: tax_table(2 if quick else ENGINE_ROUNDS),
+        "tax of engines": lambda: engine_table(2 if quick else ENGINE_ROUNDS),
         "tax": lambda: world_table(2 if quick else WORLD_ROUNDS),
     }
     for name, run in records.items():
@@ -44,3 +44,38 @@ def main(arguments: Sequence[str] | None = None) -> None:
         save_results(RESULTS, {"machine": describe(), **results})
         fill(PAGE, {name: f"{text}\n\n{machine}." for name, text in tables.items()})
         draw(PICTURE, results["tax of engines"], results["touchdown"], results["cells"])
+
+
+TAXED = ("1 ball", "1 box", "100 balls", "100 boxes")
+BOUNCE = "0.6"
+
+
+def draw(path: Path, tax: Mapping[str, Any], touchdown: Mapping[str, Any], cells: Mapping[str, Any]) -> None:
+    """Draw tax by crowd, rebound by phase, and force by size of cells, a line or bar for each engine."""
+    figure = Figure(figsize=(13.0, 3.8), layout="constrained", dpi=90)
+    left, middle, right = figure.subplots(1, 3)
+    names = list(touchdown)
+    for index, name in enumerate(names):
+        colour, width = ENTRANTS[name][2], 2.4 if name == OURS else 1.4
+        bars = [float(np.median(tax[crowd][name]["still"])) for crowd in TAXED]
+        left.bar(np.arange(len(TAXED)) + 0.16 * (index - 0.5 * (len(names) - 1)), bars, 0.15, color=colour, label=name)
+        angles = np.arange(len(touchdown[name][BOUNCE])) * 360.0 / len(touchdown[name][BOUNCE])
+        middle.plot(angles, touchdown[name][BOUNCE], "o-", color=colour, linewidth=width, markersize=4)
+        sizes = [cell for cell in cells["boxes"][name] if "seam" not in cell]
+        forces = [max(cells[kind][name][cell].force for kind in cells) for cell in sizes]
+        right.plot([float(cell.removesuffix(" cm")) for cell in sizes], forces, "o-", color=colour, linewidth=width)
+    left.set_xticks(range(len(TAXED)), TAXED)
+    left.set_yscale("log")
+    left.axhline(1.0, color="0.3", linewidth=0.8)
+    left.set_title("Terrain tax: a step on a field over one on a plane", fontsize=10)
+    middle.axhline(float(BOUNCE), color="0.3", linewidth=0.8, linestyle="--")
+    middle.set_xlabel("phase of the heaving deck at touchdown [deg]")
+    middle.set_title(f"Touchdown: rebound of a ball, e = {BOUNCE}", fontsize=10)
+    right.set(xscale="log", yscale="log", xlabel="size of the cells [cm]")
+    for axis, values in ((left.yaxis, (1, 2, 3, 5)), (right.xaxis, (2.5, 5, 10, 20))):  # which alone are named
+        axis.set_major_locator(FixedLocator(values))
+        axis.set_major_formatter(PLAIN)
+        axis.set_minor_locator(NullLocator())
+    right.set_title("Force off on one slope, rms [% of the weight]", fontsize=10)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=len(names), frameon=False)
+    figure.savefig(path)

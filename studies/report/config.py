@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, TypeGuard, get_args
+from typing import Literal
 
 # The report's searches on a general mesh. On height maps the nearest sample is found by grid traversal.
 SearchMethod = Literal["brute_force", "best_first"]
 # The report's ways to collect the vertices of a patch of a general mesh.
 CollectMethod = Literal["union_bfs", "cached"]
-# Colliders made of triangles, which PyBullet cannot change.
-MeshKind = Literal["trimesh", "hull", "prisms"]
-# One collider of the whole terrain; of a height map.
-WholeKind = Literal["whole_trimesh", "whole_heightfield"]
-PatchKind = Literal["heightfield", MeshKind, WholeKind]
-
-
-def is_whole(kind: str) -> TypeGuard[WholeKind]:
-    """Return True if a kind has one collider of the whole terrain."""
-    return kind in get_args(WholeKind)
+# Colliders of patches, of which PyBullet cannot change those made of triangles; and one collider of a whole height map.
+PatchKind = Literal["heightfield", "trimesh", "hull", "prisms", "whole_trimesh", "whole_heightfield"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,3 +32,8 @@ class ReportConfig:
     rate: float = 60.0
     carry_velocity: bool = True
     guard: bool = True
+
+    @property
+    def whole(self) -> bool:
+        """True if one collider is that of the whole terrain."""
+        return self.kind.startswith("whole")

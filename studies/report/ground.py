@@ -1,5 +1,5 @@
-"""The report's colliders as the ground of a PyBullet world: what studies and benchmarks compare contacts from the map
-with."""
+"""The report's patches and colliders as the ground of a PyBullet world: what studies and benchmarks compare contacts
+from the map with."""
 
 from __future__ import annotations
 
@@ -7,11 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.ground import Ground
-from smartmesh_ros.terrain.terrain import MainMesh, Terrain
-from smartmesh_ros.world.settings import WorldConfig
-from smartmesh_ros.world.world import World
+from smartmesh_ros import Ground, InputError, Terrain, World, WorldConfig
+from smartmesh_ros.terrain.terrain import MainMesh
 from studies.report.config import ReportConfig
 from studies.report.patch_contacts import PatchContacts
 from studies.report.patches import ChosenPatches
@@ -25,48 +22,46 @@ class ReportGround(Ground):
     """A ground of colliders of PyBullet's own on one main mesh. No body sleeps, no surface moves, and there are neither
     soil nor decks. Raises `InputError` for any other terrain.
 
-    ``chosen``: the patches that the report's search and collecting chose at the last `refresh`; ``colliders``: those
-    of the patches.
+    ``chosen``: the patches that the report's search and collecting chose at the last `refresh`.
     """
+
+    contacts: PatchContacts
 
     def __init__(self, client: Any, terrain: MainMesh | Terrain, config: ReportConfig) -> None:
         self.config = config
-        self._age, self._lifetime, self._revision = 0, 0, -1  # steps since the last refresh, and until the next
+        self._left, self._revision = 0, -1  # steps until the next refresh
         super().__init__(client, terrain)
 
     def _new_contacts(self) -> Any:
-        self._mesh = self._main_mesh()
-        self.chosen = ChosenPatches(self._mesh, self.config, self.followers)
-        self.colliders = PatchContacts(self._client, self.followers, self.terrain, self.config, self.chosen)
-        return self.colliders
+        self._main_mesh()
+        self.chosen = ChosenPatches(self.config, self.followers)
+        return PatchContacts(self._client, self.followers, self.terrain, self.config, self.chosen)
 
     def _begin(self, time: float, dt: float) -> None:
         """Refresh the colliders for the step of ``dt`` [s] from ``time`` [s] on, with new maps and by their rate."""
         super()._begin(time, dt)
-        self._age += 1
-        if self._age >= self._lifetime or self._revision != self.terrain.revision:
+        self._left -= 1
+        if self._left <= 0 or self._revision != self.terrain.revision:
             self.refresh(time, dt)
 
     def refresh(self, time: float, dt: float) -> None:
         """Move bodies with corrections of maps, put bodies below the ground back onto it, and replace the colliders."""
-        if (mesh := self._main_mesh()) is not self._mesh:
-            self._mesh = mesh
-            self.chosen.take(mesh)
-        self._lifetime = 0  # until the end: a refresh that failed is made again before the next step
+        mesh = self._main_mesh()
+        self._left = 0  # until the end: a refresh that failed is made again before the next step
         self.contacts.begin(time, dt)
         self.contacts.core.update()
         steps = max(round(1.0 / (self.config.rate * dt)), 1) if self.config.rate else 1
-        self.chosen.refresh(time, dt * steps, self.contacts.states_of(np.arange(self.followers.capacity)))
-        self.colliders.refresh()
-        self._age, self._lifetime, self._revision = 0, steps, self.terrain.revision
+        self.chosen.refresh(mesh, time, dt * steps, self.contacts.states_of(np.arange(self.followers.capacity)))
+        self.contacts.refresh()
+        self._left, self._revision = steps, self.terrain.revision
 
     def wake(self, body: int | None = None) -> None:
         """Refresh the colliders before the next step."""
-        self._lifetime = 0
+        self._left = 0
 
     def attach(self, body: int, *given: Any, **more: Any) -> Any:
         """Attach a body, which gets its colliders before the next step."""
-        self._lifetime = 0
+        self._left = 0
         return super().attach(body, *given, **more)
 
     def _require_exact(self) -> None:
@@ -82,17 +77,13 @@ class ReportGround(Ground):
 class ReportWorld(World):
     """A world whose bodies stand on the report's colliders."""
 
+    ground: ReportGround
+
     def __init__(
-        self,
-        terrain: MainMesh | Terrain | None = None,
-        config: WorldConfig | None = None,
-        *,
-        report: ReportConfig,
+        self, terrain: MainMesh | Terrain | None = None, config: WorldConfig | None = None, *, report: ReportConfig
     ) -> None:
         self.report = report
         super().__init__(terrain, config)
-
-    ground: ReportGround
 
     def _new_ground(self, client: Any) -> Ground:
         client.setPhysicsEngineParameter(contactBreakingThreshold=CONTACT_BREAKING)

@@ -4,22 +4,20 @@ ground's velocity between refreshes."""
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smartmesh_ros import Terrain
 from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.map_contacts import MapContacts
 from smartmesh_ros.ground.shown_ground import quarter_turn
-from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.terrain import Terrain
-from studies.report.batch import PatchBatch
-from studies.report.config import MeshKind, ReportConfig, is_whole
-from studies.report.made import Field, MeshCollider, make_field, make_mesh
-from studies.report.patches import ChosenPatches
-from studies.report.whole_mesh import WholeMesh
+from studies.report.config import ReportConfig
+from studies.report.made import Field, MeshCollider, WholeMesh, make_field, make_mesh
+from studies.report.patches import ChosenPatches, PatchBatch
+
+Collider = TypeVar("Collider", Field, MeshCollider)
 
 
 class PatchContacts(MapContacts):
@@ -34,7 +32,7 @@ class PatchContacts(MapContacts):
         self._held: dict[Follower, Field | MeshCollider] = {}
         # By id of a collider, also of one that was removed: its links, each with the body and link that it touches.
         self._pairs: dict[int, list[tuple[int, int, int]]] = {}
-        self._whole = WholeMesh(client, config.kind) if is_whole(config.kind) else None
+        self._whole = WholeMesh(client, config.kind) if config.whole else None
 
     def attach(self, follower: Follower) -> None:
         """The core only reads and moves a follower, which gets its collider in the next `refresh`."""
@@ -85,48 +83,34 @@ class PatchContacts(MapContacts):
 
     def _apply(self, follower: Follower, batch: PatchBatch, row: int) -> None:
         """Give a follower the collider of its patch, the ``row`` of a batch."""
+        client, held, turn = self._client, self._held.get(follower), (0.0, 0.0, 0.0, 1.0)
         vertices, foot = batch.vertices_w[row], batch.feet_w[row]
-        kind: Any = "trimesh" if self._config.kind == "heightfield" else self._config.kind
         if self._config.kind == "heightfield" and batch.shape[0]:
             base = np.array([*(0.5 * (vertices[0, :2] + vertices[-1, :2])), batch.centres_w[row, 2]])
-            turn = self._apply_field(follower, vertices, base, batch.shape)
+            x, y = (vertices[1, :2] - vertices[0, :2]).tolist()
+            layout, turn = (*batch.shape, math.hypot(x, y)), quarter_turn(math.atan2(y, x))
+            if not (isinstance(held, Field) and held.fits(*layout)):
+                held = self._hold(follower, make_field(client, *layout))
+            held.replace(client, vertices[:, 2].reshape(batch.shape) - base[2])
         else:
-            base, turn = np.array([*batch.centres_w[row, :2], foot[2]]), (0.0, 0.0, 0.0, 1.0)
+            kind: Any = "trimesh" if self._config.kind == "heightfield" else self._config.kind
+            base = np.array([*batch.centres_w[row, :2], foot[2]])
             triangles = batch.triangles[~np.isnan(vertices[:, 2])[batch.triangles].any(axis=1)]
             if not len(triangles):
                 self._release(follower)
                 return
-            self._apply_mesh(follower, kind, np.nan_to_num(vertices, nan=float(base[2])) - base, triangles)
-        uid = follower.collider = self._held[follower].uid
-        self._client.resetBasePositionAndOrientation(uid, base.tolist(), turn)
+            surface = np.nan_to_num(vertices, nan=float(base[2])) - base
+            if not (isinstance(held, MeshCollider) and held.fits(surface, triangles)):
+                held = self._hold(follower, make_mesh(client, kind, surface, triangles))
+        uid = follower.collider = held.uid
+        client.resetBasePositionAndOrientation(uid, base.tolist(), turn)
         if self._config.carry_velocity:
             angular = batch.angular_w[row]
             linear = batch.linear_w[row] + np.cross(angular, base - foot)
-            self._client.resetBaseVelocity(uid, linear.tolist(), angular.tolist())
+            client.resetBaseVelocity(uid, linear.tolist(), angular.tolist())
 
-    def _apply_mesh(
-        self, follower: Follower, kind: MeshKind, surface: FloatArray, triangles: NDArray[np.int32]
-    ) -> None:
-        """Give a follower a collider of ``triangles`` (T, 3) among vertices (K, 3) relative to its base [m]."""
-        held = self._held.get(follower)
-        if not (isinstance(held, MeshCollider) and held.fits(kind, surface, triangles)):
-            self._hold(follower, make_mesh(self._client, kind, surface, triangles))
-
-    def _apply_field(
-        self, follower: Follower, vertices: FloatArray, base: FloatArray, shape: tuple[int, int]
-    ) -> tuple[float, float, float, float]:
-        """Give a follower the field of a patch's vertices (K, 3) [m]; returns its orientation (x, y, z, w)."""
-        x, y = (vertices[1, :2] - vertices[0, :2]).tolist()
-        spacing = math.hypot(x, y)
-        held = self._held.get(follower)
-        if not (isinstance(held, Field) and held.fits(*shape, spacing)):
-            held = make_field(self._client, *shape, spacing)
-            self._hold(follower, held)
-        held.replace(self._client, vertices[:, 2].reshape(shape) - base[2])
-        return quarter_turn(math.atan2(y, x))
-
-    def _hold(self, follower: Follower, made: Field | MeshCollider) -> None:
-        """Put a new collider in the place of a follower's old one; it touches this follower alone.
+    def _hold(self, follower: Follower, made: Collider) -> Collider:
+        """Put a new collider, which is returned, in the place of a follower's old one; it touches this follower alone.
 
         PyBullet keeps the rule of a pair of ids for ever, also for a collider that gets the id of an earlier one.
         """
@@ -143,3 +127,4 @@ class PatchContacts(MapContacts):
             client.changeDynamics(uid, link, lateralFriction=1.0, restitution=1.0)
         self._pairs[uid] = [(link, follower.body, follower.link) for link in links]
         self._held[follower] = made
+        return made

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.soil.config import SoilType
-from studies.soil.trials import Wheel, modulus_of
+from smartmesh_ros import SoilType
+from studies.soil.trials import Wheel, least, modulus_of
 
 
 class WheelForces(NamedTuple):
@@ -57,11 +57,8 @@ def wheel_forces(
         along = np.trapezoid(stress * np.cos(angle) - total * np.sin(angle), angle)
         return float(arc * down), float(arc * along)
 
-    low, high = rut, 0.99 * radius
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if forces(middle)[0] < wheel.load else (low, middle)
-    return WheelForces(high, forces(high)[1])
+    sinkage = least(lambda sinkage: forces(sinkage)[0] >= wheel.load, rut, 0.99 * radius, 50)
+    return WheelForces(sinkage, forces(sinkage)[1])
 
 
 def free_slip(soil: SoilType, wheel: Wheel, *, speed: float = 0.0) -> float:
@@ -75,11 +72,7 @@ def free_slip(soil: SoilType, wheel: Wheel, *, speed: float = 0.0) -> float:
 
     tried = [0.02 * k for k in range(-10, 48)]
     found = next((slip for slip in tried if pull(slip) > 0.0), math.nan)
-    low, high = found - 0.02, found
-    for _ in range(12):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if pull(middle) < 0.0 else (low, middle)
-    return high
+    return least(lambda slip: pull(slip) >= 0.0, found - 0.02, found, 12)
 
 
 def undamped(soil: SoilType) -> SoilType:

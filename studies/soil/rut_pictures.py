@@ -10,11 +10,9 @@ import matplotlib as mpl
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros import BodyState, Soil, World
 from smartmesh_ros.scenes import eight, tracks
-from smartmesh_ros.soil.soil import Soil
-from smartmesh_ros.world.world import World
-from studies.progress import Progress
+from studies.running import say
 from studies.tiny_renderer import Camera, Stage
 
 OUT = Path("out")
@@ -49,11 +47,7 @@ class RutPictures:
         sunk = np.isin(shot.uids, self.stage.ground) & (depth > SHALLOW)
         light = shot.colours[sunk].mean(axis=1, keepdims=True) / LIT
         shot.colours[sunk] = np.clip(255.0 * light * COLOURS(depth[sunk] / DEEP)[:, :3], 0.0, 255.0).astype(np.uint8)
-        return self._labelled(Image.fromarray(shot.colours), title)
-
-    def _labelled(self, picture: Image.Image, title: str) -> Image.Image:
-        """Write a title and the scale of the colours on a picture."""
-        width = self.camera.width
+        picture, width = Image.fromarray(shot.colours), self.camera.width
         write, font = ImageDraw.Draw(picture), ImageFont.load_default(size=17)
         write.text((12, 8), title, "black", font)
         bar = np.tile(255.0 * COLOURS(np.linspace(0.0, 1.0, 160))[None, :, :3], (14, 1, 1)).astype(np.uint8)
@@ -68,7 +62,7 @@ def film(
 ) -> None:
     """Run ``step`` with the number of each step; write a GIF with a picture of one of ``every`` steps, and the last
     picture."""
-    say, frames = Progress(), []
+    frames = []
     for number in range(round(seconds / world.dt)):
         step(number)
         if number % every == every - 1:

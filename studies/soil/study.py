@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from time import thread_time
 
 import numpy as np
 
-from smartmesh_ros.ground.shapes import Box
-from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros import BodyState, Box, HeightMap, Soil, World
 from smartmesh_ros.soil.config import soil_named, soils_of
-from smartmesh_ros.soil.soil import Soil
-from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
-from smartmesh_ros.world.world import World
-from studies.markdown import table
-from studies.pages import ROOT, fill
+from studies.pages import ROOT, fill, table
 from studies.soil.arcs import free_slip, undamped, wheel_forces
-from studies.soil.trials import K10, SMOOTH, Wheel, plate_sinkage
+from studies.soil.trials import K10, SMOOTH, plate_sinkage
 from studies.soil.vehicles import WARTHOG, Cart, drive, roll, set_down
 
 # Boxes: mass [kg], side [m], and the fall onto the soil [m].
@@ -26,42 +22,35 @@ SET_DOWN_ON = ("dry_sand", "lunar", "clay", "hit_lss1")
 
 
 def boxes() -> str:
-    """Return the table of boxes that are set down on the ground, and of one that falls onto it."""
+    """Return the table of boxes that are set down on the ground, and of one that falls onto it: their sinkage, and
+    when they moved at less than 0.1 mm/s for good."""
     rows = []
     for name in soils_of():
-        row = [name]
+        rows.append([name])
         for mass, side, fall in BOXES:
+            grid, last = 0.1 * side, 0.0
+            with World(HeightMap(np.zeros((41, 41)), resolution=grid)) as world:
+                world.ground.set_soil(Soil(world.terrain, name, spacing=0.5 * grid))
+                place = BodyState((20.03 * grid, 20.07 * grid, 0.5 * side + fall))
+                world.spawn("box", Box(side, side, side), mass, place)
+                for _ in range(960):
+                    world.step()
+                    if abs(world.state("box").linear[2]) > 1e-4:
+                        last = world.time
+                sunk = world.ground.on_soil()["box"].sinkage
             wanted = plate_sinkage(soil_named(name), side, GRAVITY * mass / side**2)
-            sunk, rest = _box(name, mass, side, fall)
-            row.append(f"{1e3 * wanted:.2f}: {1e3 * sunk:.2f} ({100.0 * (sunk / wanted - 1.0):+.1f} %), {rest:.2f} s")
-        rows.append(row)
+            off = 100.0 * (sunk / wanted - 1.0)
+            rows[-1].append(f"{1e3 * wanted:.2f}: {1e3 * sunk:.2f} ({off:+.1f} %), {last:.2f} s")
     heads = (f"{mass:g} kg, {side:g} m{f', falls {fall:g} m' if fall else ''}" for mass, side, fall in BOXES)
     return table(["soil", *heads], rows)
 
 
-def _box(soil: str, mass: float, side: float, fall: float) -> tuple[float, float]:
-    """Return the sinkage [m] of a box, and when it moved at less than 0.1 mm/s for good [s]."""
-    grid = 0.1 * side
-    with World(HeightMap(np.zeros((41, 41)), resolution=grid)) as world:
-        world.ground.set_soil(Soil(world.terrain, soil, spacing=0.5 * grid))
-        world.spawn("box", Box(side, side, side), mass, BodyState((20.03 * grid, 20.07 * grid, 0.5 * side + fall)))
-        last = 0.0
-        for _ in range(960):
-            world.step()
-            if abs(world.state("box").linear[2]) > 1e-4:
-                last = world.time
-        return world.ground.on_soil()["box"].sinkage, last
-
-
 def forced_slip() -> str:
     """Return the table of the measured wheel at forced slips."""
-    soil, found, wanted = undamped(soil_named("k10_sand")), [], []
+    soil, rows = undamped(soil_named("k10_sand")), []
     for run in SMOOTH:
-        wheel = Wheel(radius=K10.radius, width=K10.width, load=run.load)
-        found.append(roll(wheel, soil, run.slip))
-        wanted.append(wheel_forces(soil, wheel, run.slip))
-    rows = []
-    for run, one, other in zip(SMOOTH, found, wanted, strict=True):
+        wheel = replace(K10, load=run.load)
+        one, other = roll(wheel, soil, run.slip), wheel_forces(soil, wheel, run.slip)
         sinkages = (f"{1e3 * sinkage:.1f}" for sinkage in (run.sinkage, one.sinkage, other.sinkage))
         pulls = (f"{pull / run.load:+.2f}" for pull in (run.pull, one.pull, other.pull))
         rows.append([f"{run.slip:g}", *sinkages, *pulls])
@@ -81,15 +70,8 @@ def carts() -> str:
                 row.append(f"{found.slip:.3f} ({free_slip(each, cart.wheel, speed=speed):.3f})")
                 loaded, worst = min(loaded, 1.0 - found.unloaded), max(worst, found.worst)
             rows.append([*row, f"{100.0 * loaded:.1f} %", f"{worst:.2f}"])
-    head = [
-        "soil",
-        "cart",
-        "slip without damping (integrals)",
-        "with it (integrals)",
-        "steps under load",
-        "largest load",
-    ]
-    return table(head, rows)
+    slips = ["slip without damping (integrals)", "with it (integrals)"]
+    return table(["soil", "cart", *slips, "steps under load", "largest load"], rows)
 
 
 def set_downs() -> str:
@@ -101,31 +83,27 @@ def set_downs() -> str:
 
 
 def cost() -> str:
-    """Return the table of the time of a step."""
+    """Return the table of the median processor time of a step with a cart that drives [ms]."""
     rows = []
     for what, cart, grid in (
         ("12 kg, 5 cm", Cart(), 0.05), ("12 kg, 2 cm", Cart(), 0.02), ("268 kg, 5 cm", WARTHOG, 0.05)
     ):  # fmt: skip
-        rows.append([what, *(f"{_step_time(cart, grid, spacing):.2f}" for spacing in (0.0, 0.02, 0.01, 0.005))])
-    head = ["cart, map", "no soil", "spacing 20 mm", "spacing 10 mm", "spacing 5 mm"]
-    return table(head, rows)
-
-
-def _step_time(cart: Cart, grid: float, spacing: float) -> float:
-    """Return the median processor time of a step with a cart that drives [ms]; ``spacing`` [m]: 0 = no soil."""
-    with World(HeightMap(np.zeros((round(3.0 / grid), round(5.0 / grid))), resolution=grid)) as world:
-        world.spawn_robot("cart", cart.urdf, BodyState((1.0, 1.5, cart.radius + 0.051)))
-        if spacing:
-            world.ground.set_soil(Soil(world.terrain, "dry_sand", spacing=spacing))
-        world.step(120)
-        for joint in world.joints("cart"):
-            world.drive("cart", joint.name, 0.3 / cart.radius, 20.0 * GRAVITY * cart.mass)
-        took = []
-        for _ in range(480):
-            start = thread_time()
-            world.step()
-            took.append(1e3 * (thread_time() - start))
-    return float(np.median(took))
+        rows.append([what])
+        for spacing in (0.0, 0.02, 0.01, 0.005):  # [m], 0 = no soil
+            with World(HeightMap(np.zeros((round(3.0 / grid), round(5.0 / grid))), resolution=grid)) as world:
+                world.spawn_robot("cart", cart.urdf, BodyState((1.0, 1.5, cart.radius + 0.051)))
+                if spacing:
+                    world.ground.set_soil(Soil(world.terrain, "dry_sand", spacing=spacing))
+                world.step(120)
+                for joint in world.joints("cart"):
+                    world.drive("cart", joint.name, 0.3 / cart.radius, 20.0 * GRAVITY * cart.mass)
+                took = []
+                for _ in range(480):
+                    start = thread_time()
+                    world.step()
+                    took.append(1e3 * (thread_time() - start))
+            rows[-1].append(f"{np.median(took):.2f}")
+    return table(["cart, map", "no soil", "spacing 20 mm", "spacing 10 mm", "spacing 5 mm"], rows)
 
 
 PAGE = ROOT / "docs" / "soil_tables.md"

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.soil.config import SoilType
+from smartmesh_ros import SoilType
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,20 +31,25 @@ def plate_sinkage(soil: SoilType, width: float, pressure: float) -> float:
     return float((pressure / modulus_of(soil, width)) ** (1.0 / soil.Bekker_n))
 
 
+def least(holds: Callable[[float], bool], low: float, high: float, times: int = 60) -> float:
+    """Return the least value from ``low`` to ``high`` for which a condition ``holds``, by bisection."""
+    for _ in range(times):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if holds(middle) else (middle, high)
+    return high
+
+
 def standing_sinkage(soil: SoilType, wheel: Wheel) -> float:
     """Return the sinkage [m] of a wheel that does not roll: the pressures under its rim, which are those of plates at
-    the same depth, carry its load; by bisection."""
-    low, high = 0.0, wheel.radius
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        x = np.linspace(0.0, math.sqrt(2.0 * wheel.radius * middle - middle**2), 4001)
-        depth = np.maximum(np.sqrt(wheel.radius**2 - x**2) - wheel.radius + middle, 0.0)
+    the same depth, carry its load."""
+
+    def bears(sinkage: float) -> bool:
+        x = np.linspace(0.0, math.sqrt(2.0 * wheel.radius * sinkage - sinkage**2), 4001)
+        depth = np.maximum(np.sqrt(wheel.radius**2 - x**2) - wheel.radius + sinkage, 0.0)
         pressure = modulus_of(soil, wheel.width) * depth**soil.Bekker_n
-        if 2.0 * wheel.width * float(np.trapezoid(pressure, x)) < wheel.load:
-            low = middle
-        else:
-            high = middle
-    return high
+        return 2.0 * wheel.width * float(np.trapezoid(pressure, x)) >= wheel.load
+
+    return least(bears, 0.0, wheel.radius)
 
 
 class Measured(NamedTuple):

@@ -12,15 +12,21 @@ import numpy as np
 import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.ground.ground import Ground
-from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
-from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.soil.config import SoilType
-from smartmesh_ros.soil.soil import Soil
-from smartmesh_ros.terrain.heightmap import HeightMap
+from smartmesh_ros import (
+    BodyState,
+    Box,
+    Cylinder,
+    Ground,
+    HeightMap,
+    PhysicsConfig,
+    Soil,
+    SoilType,
+    Sphere,
+    World,
+    WorldConfig,
+)
+from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
-from smartmesh_ros.world.world import World, WorldConfig
 from studies.soil.arcs import WheelForces
 from studies.soil.trials import Wheel
 
@@ -54,10 +60,7 @@ class Cart:
         for index, name in enumerate(WHEELS):
             place = f"{(0.5 - index // 2) * self.base} {(0.5 - index % 2) * self.track} {-BELOW}"
             parts.append(_wheel_link(name, wheel, self.radius, self.width))
-            parts.append(
-                f'<joint name="{name}_axle" type="continuous"><parent link="body"/><child link="{name}"/>'
-                f'<axis xyz="0 1 0"/><origin xyz="{place}"/></joint>'
-            )
+            parts.append(joint_of(f"{name}_axle", "body", name, "0 1 0", f'<origin xyz="{place}"/>'))
         return f'<robot name="cart">{"".join(parts)}</robot>'
 
 
@@ -71,6 +74,14 @@ def link_of(name: str, mass: float, inertia: tuple[float, float, float], collisi
     return (
         f'<link name="{name}"><inertial><mass value="{mass}"/><inertia ixx="{x}" iyy="{y}" izz="{z}" ixy="0" ixz="0" '
         f'iyz="0"/></inertial>{collision}</link>'
+    )
+
+
+def joint_of(name: str, parent: str, child: str, axis: str, more: str = "", kind: str = "continuous") -> str:
+    """Return a joint of a robot description, with ``more`` elements."""
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/><axis xyz="{axis}"/>'
+        f"{more}</joint>"
     )
 
 
@@ -107,22 +118,16 @@ def drive(cart: Cart, soil: SoilType | str, *, speed: float = 0.3, seconds: floa
             world.step()
             ways.append(world.state("cart").position[0])
             if step >= steps // 2:
-                forces.append(vertical_forces(world, [f"cart/{name}" for name in WHEELS]))
-    counted = len(forces) - 1
+                forces.append(dict.fromkeys((f"cart/{name}" for name in WHEELS), 0.0))
+                for contact in world.contacts():
+                    if contact.body in forces[-1]:
+                        forces[-1][contact.body] += contact.normal_force * contact.normal[2]
+    counted, vertical = len(forces) - 1, np.array([list(found.values()) for found in forces])
     return Drive(
         1.0 - (ways[-1] - ways[-1 - counted]) / (counted * world.dt) / speed,
-        float(np.mean(np.array(forces) <= 0.0)),
-        float(np.max(forces)) / cart.wheel.load,
+        float(np.mean(vertical <= 0.0)),
+        float(np.max(vertical)) / cart.wheel.load,
     )
-
-
-def vertical_forces(world: World, names: list[str]) -> list[float]:
-    """Return the vertical forces [N] of the contacts of bodies or links with the ground."""
-    found = dict.fromkeys(names, 0.0)
-    for contact in world.contacts():
-        if contact.body in found:
-            found[contact.body] += contact.normal_force * contact.normal[2]
-    return list(found.values())
 
 
 class SetDown(NamedTuple):
@@ -153,26 +158,20 @@ def set_down(number: int, soil: str, *, rate: float = 240.0) -> SetDown:
             world.spawn_robot("body", Cart().urdf, BodyState((x, y, 0.0)), on_ground=True, align=True)
             for name in WHEELS:
                 world.drive("body", f"{name}_axle", 0.0, 100.0)
-        speeds, energies = [], []
+        speeds, energies, client, uid = [], [], world.client, world.bodies["body"].uid
+        mass, _, inertia = client.getDynamicsInfo(uid, -1)[:3]
         for _ in range(round(3.0 * rate)):
             world.step()
-            uid = world.bodies["body"].uid
-            linear, angular = world.client.getBaseVelocity(uid)
+            linear, angular = client.getBaseVelocity(uid)
             speeds.append(math.hypot(*linear))
-            spun = 0.0 if kind == 3 else _spin_energy(world, uid, angular)
+            axes = np.reshape(client.getMatrixFromQuaternion(world.state("body").orientation), (3, 3))
+            # Energy of the rotation of a single body over its mass [J/kg].
+            spun = 0.0 if kind == 3 else 0.5 * float(np.array(inertia) @ (axes.T @ np.array(angular)) ** 2) / mass
             # In free fall, PyBullet's steps conserve this.
             height = world.state("body").position[2] + 0.5 * linear[2] * world.dt
             energies.append(height + (0.5 * speeds[-1] ** 2 + spun) / GRAVITY)
         rose = float(np.max(np.array(energies) - np.minimum.accumulate(energies)))
     return SetDown(max(speeds[round(2.0 * rate) :]), rose)
-
-
-def _spin_energy(world: World, uid: int, angular: tuple[float, float, float]) -> float:
-    """Return the kinetic energy of a body's rotation over its mass [J/kg]."""
-    mass, _, inertia = world.client.getDynamicsInfo(uid, -1)[:3]
-    axes = np.array(world.client.getMatrixFromQuaternion(world.state("body").orientation)).reshape(3, 3)
-    own = axes.T @ np.array(angular)
-    return float(0.5 * (np.array(inertia) * own**2).sum() / mass)
 
 
 DT = 1.0 / 240.0
@@ -184,27 +183,17 @@ def _rig_urdf(wheel: Wheel) -> str:
     rim = 0.25 * mass
     parts = [link_of("base", 1.0, light), link_of("carriage", 1.0, light), link_of("hub", mass - rim, light)]
     parts.append(_wheel_link("wheel", rim, wheel.radius, wheel.width))
-    for name, kind, parent, child, axis in (
-        ("slide", "prismatic", "base", "carriage", "1 0 0"), ("lift", "prismatic", "carriage", "hub", "0 0 1"),
-        ("axle", "continuous", "hub", "wheel", "0 1 0"),
-    ):  # fmt: skip
-        limit = '<limit lower="-10" upper="10" effort="1e5" velocity="10"/>' if kind == "prismatic" else ""
-        parts.append(
-            f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/><axis xyz="{axis}"/>'
-            f"{limit}</joint>"
-        )
+    limit = '<limit lower="-10" upper="10" effort="1e5" velocity="10"/>'
+    parts.append(joint_of("slide", "base", "carriage", "1 0 0", limit, "prismatic"))
+    parts.append(joint_of("lift", "carriage", "hub", "0 0 1", limit, "prismatic"))
+    parts.append(joint_of("axle", "hub", "wheel", "0 1 0"))
     return f'<robot name="rig">{"".join(parts)}</robot>'
 
 
 def roll(
-    wheel: Wheel,
-    soil: SoilType | str,
-    slip: float,
-    *,
-    speed: float = 0.02,
-    slip_sinkage: bool = True,
+    wheel: Wheel, soil: SoilType | str, slip: float, *, speed: float = 0.02, slip_sinkage: bool = True,
     implicit: bool = True,
-) -> WheelForces:
+) -> WheelForces:  # fmt: skip
     """Roll a wheel over flat ground on a way of 0.2 m at a ``speed`` [m/s] and a ``slip``; the second half of the way
     counts. ``implicit``: PyBullet collides a cylinder, else the hull of its mesh."""
     client = BulletClient(pb.DIRECT)

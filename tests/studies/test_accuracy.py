@@ -7,10 +7,9 @@ import pytest
 
 from smartmesh_ros.tools.evaluation.scene import Bodies, Scene
 from studies import accuracy
-from studies.body_contest import run_scene
+from studies.accuracy import run_scene
 from studies.configurations import configurations
-from studies.contest import Result
-from studies.front import beyond_all, cheapest_as_accurate, only_by, pareto_front
+from studies.contest import Result, beyond_all, cheapest_as_accurate, only_by, pareto_front
 from studies.matrix.run import ROWS, run_cell
 
 
@@ -66,7 +65,7 @@ def small_scene() -> Scene:
 @pytest.fixture(scope="module")
 def results() -> dict[str, Result]:
     """The small scene in every engine."""
-    return run_scene(small_scene(), configurations(quick=True), lambda _: None, pieces=3)
+    return run_scene(small_scene(), configurations(quick=True))
 
 
 def test_a_scene_runs_in_every_engine_and_bodies_stay_on_level_ground(results: dict[str, Result]) -> None:
@@ -94,5 +93,5 @@ def test_the_study_writes_what_it_says(
 
 @pytest.mark.parametrize("part", ["--quick", "--matrix-only", "--charts-only", "--methods defaults", "--scenes flat"])
 def test_a_part_of_a_run_changes_no_document(part: str) -> None:
-    assert accuracy.CHARTS.folder(accuracy._parser().parse_args(part.split())) == Path("out/studies")
-    assert accuracy.CHARTS.folder(accuracy._parser().parse_args([])) == Path("docs")
+    assert accuracy.CHARTS.folder(accuracy.parser().parse_args(part.split())) == Path("out/studies")
+    assert accuracy.CHARTS.folder(accuracy.parser().parse_args([])) == Path("docs")

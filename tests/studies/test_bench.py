@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from studies.bench import cli
-from studies.bench.measure import QUICK, Bench, Case, Effort, Results
-from studies.markdown import number, times
+from studies.bench import study
+from studies.bench.measure import QUICK, Bench, Case, Effort
+from studies.pages import number, times
 
 
 @pytest.fixture(scope="module")
@@ -19,13 +19,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What a quick run of two frames a case leaves."""
     folder = tmp_path_factory.mktemp("bench")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cli, "QUICK", replace(QUICK, frames=2, seconds=0.0, report_seconds=0.0))
-        assert cli.main(["--quick", "--out", str(folder)]) == 0
+        patch.setattr(study, "QUICK", replace(QUICK, frames=2, seconds=0.0))
+        assert study.main(["--quick", "--out", str(folder)]) == 0
     return folder
 
 
 def test_one_json_with_every_kind_of_figure(folder: Path) -> None:
-    data = json.loads((folder / cli.RESULTS).read_text())
+    data = json.loads((folder / study.RESULTS).read_text())
     assert set(data["machine"]) == {"cores", "cpu", "load", "versions"}
     measured = {entry["what"] for entry in data["timings_us"]}
     assert measured >= {"simple", "smart", "local", "search", "search_map", "collect", "update", "ingest"}
@@ -34,7 +34,7 @@ def test_one_json_with_every_kind_of_figure(folder: Path) -> None:
 
 
 def test_a_table_for_each_of_the_reports(folder: Path) -> None:
-    tables = (folder / cli.TABLES).read_text()
+    tables = (folder / study.TABLES).read_text()
     for heading in [f"Table {index}" for index in range(1, 7)]:
         assert f"### {heading}:" in tables
 
@@ -51,6 +51,5 @@ def test_each_run_is_prepared_and_enough_frames_are_measured() -> None:
 
 
 def test_what_was_not_measured_is_no_figure() -> None:
-    results = Results()
-    assert math.isnan(results.us("simple", "physx", side=3))
+    assert math.isnan(Bench().us("simple", "physx", side=3))
     assert number(math.nan) == times(math.nan) == "-"

@@ -21,8 +21,8 @@ ROWS, COLUMNS, RESOLUTION = 21, 31, 0.2
 OPTIONS = {"bullet_trimesh": {"edge_filter": True}}
 
 
-# `checkout` is `smartmesh` in another process; see test_before_after.py. Robots are in test_robots.py.
-@pytest.fixture(params=[name for name in ENGINES if name != "checkout" and "robots" not in name])
+# Robots are in test_robots.py.
+@pytest.fixture(params=[name for name in ENGINES if "robots" not in name])
 def engine(request: pytest.FixtureRequest) -> str:
     name: str = request.param
     if missing(name):
@@ -86,7 +86,7 @@ def test_map_that_slides_takes_a_ball_in_a_pit_along(engine: str) -> None:
 def test_only_a_surface_velocity_takes_a_box_on_level_ground_along(engine: str) -> None:
     flat = np.zeros((ROWS, COLUMNS))
     box = EngineBody(shape=Box(0.4, 0.4, 0.2), state=BodyState(position=(2.03, 2.01, 0.101)))
-    cases: list[tuple[dict[str, Any], bool]] = [({}, engine in ("smartmesh", "checkout"))]
+    cases: list[tuple[dict[str, Any], bool]] = [({}, engine == "smartmesh")]
     if engine == "mujoco":
         cases.append(({"surface_velocity": True}, True))
     for options, dragged in cases:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from studies.matrix import changes, moving_ground, still_ground, touching
+from studies.matrix import moving_ground, still_ground, touching
 from studies.matrix.run import ROWS, run_cell
 from studies.report.config import ReportConfig
 
@@ -11,10 +11,10 @@ SELDOM = ReportConfig(kind="heightfield", rings=1, rate=1.0)  # the same for a s
 HULL = ReportConfig(kind="hull", rings=1)  # what is hollow filled in, and built anew for every update
 UNCARRIED = ReportConfig(carry_velocity=False)
 # All rows that take no longer than a few seconds.
-WHOLE = {row.name for part in (still_ground, moving_ground, changes, touching) for row in part.ROWS}
+WHOLE = {row.name for part in (still_ground, moving_ground, touching) for row in part.ROWS}
 BY_DEFAULTS = [row.name for row in ROWS if row.quick or row.name in WHOLE]
 # Rows on ground that moves or changes, for height fields of PyBullet; of two rows of waves the harder one.
-MOVING = {row.name for part in (moving_ground, changes) for row in part.ROWS} | {"T4 raised above all before"}
+MOVING = {row.name for row in moving_ground.ROWS} | {"T4 raised above all before"}
 BY_FIELDS = [row.name for row in ROWS if row.quick and row.name in MOVING - {"waves, w = 4"}]
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from smartmesh_ros.errors import InputError
 from studies.pages import SUBJECTS, blocks_of, digest, digest_of, fill, main, stale_blocks
-from studies.results_file import read_results, save_results
+from studies.running import read_results, save_results
 
 ROOT = Path(__file__).parents[2]
 PAGE = "words\n<!-- generated: one of core, code old -->\nold\n<!-- end -->\nmore\n"

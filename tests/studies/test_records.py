@@ -7,11 +7,9 @@ import math
 import pytest
 
 from studies.engines.engine import Setup
-from studies.records.cells import lowest, run, setup_of
-from studies.records.entrants import OURS, RATE, enter, entrants
+from studies.records.motion import GRAVITY, OURS, RATE, enter, entrants, lowest, rebound, run, setup_of, speed_at_deck
+from studies.records.tax import BALL, BOX, Crowd
 from studies.records.tax import setup_of as crowd_on
-from studies.records.touchdown import GRAVITY, rebound, speed_at_deck
-from studies.records.world_tax import BALL, BOX, Crowd
 
 
 @pytest.mark.parametrize("case", ["still", "driving"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +18,21 @@ from studies.configurations import robot_configurations
 from studies.engines.engine import missing
 from studies.matrix.arena import square
 from studies.robots import study
-from studies.robots.contest import shapes_of
-from studies.robots.engine import MASSLESS, SERVO, RobotEngine, RobotSetup, prepared
-from studies.robots.geometry import GroundPrisms, Part, hull, placed, pose_of, read_links
-from studies.robots.robot import HUSKY, LAIKAGO, RACECAR, ROVER, Robot, laikago_joints
-from studies.robots.scene import RobotScene, scenes
+from studies.robots.contest import GroundPrisms, Part, hull_of, placed, pose_of, read_links, shapes_of
+from studies.robots.robot import (
+    HUSKY,
+    LAIKAGO,
+    MASSLESS,
+    RACECAR,
+    ROVER,
+    SERVO,
+    Robot,
+    RobotEngine,
+    RobotSetup,
+    prepared,
+    robot_scene,
+    scenes,
+)
 from studies.robots.study import Stranger, run_stranger
 from tests.core.contact_cases import wheel as prism
 
@@ -39,7 +50,7 @@ def wheel() -> Part:
 
 def gon() -> Part:
     """A wheel as PyBullet takes a cylinder: a prism of 32 sides, of which a corner points down."""
-    return hull(placed(prism(RADIUS, WIDTH), LYING), np.eye(4))
+    return Part(hull_of(placed(prism(RADIUS, WIDTH), LYING)), np.eye(4))
 
 
 @pytest.mark.parametrize(
@@ -136,7 +147,7 @@ def test_every_engine_holds_a_braked_rover_up(engine: str) -> None:
 
 def test_a_stranger_with_braked_joints_stays_on_rough_ground() -> None:
     found = run_stranger("r2d2", moving=False, braked=True)
-    assert found.passed
+    assert found.rescues == 0
     assert found.drift < 2e-3
 
 
@@ -158,7 +169,7 @@ def test_what_needs_rescues_or_leaves_the_map_is_marked() -> None:
 
 
 def test_the_study_writes_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    small = RobotScene(robot=ROVER, motion="maps", resolution=0.25, quick=True, duration=0.5, settle=0.25)
+    small = replace(robot_scene(ROVER, "maps", 0.25), quick=True, duration=0.5, settle=0.25)
     monkeypatch.setattr(study, "scenes", lambda: [small])
     monkeypatch.setattr(study, "run_strangers", lambda *_, **__: [])
     assert study.main(["--quick", "--out", str(tmp_path)]) == 0
@@ -171,7 +182,7 @@ def test_the_study_writes_what_it_says(tmp_path: Path, monkeypatch: pytest.Monke
 @pytest.mark.parametrize("engine", ["defaults", "MuJoCo tuned, 240 Hz", "PhysX, 240 Hz"])
 def test_servos_of_all_engines_approach_their_position_alike(engine: str) -> None:
     """In the air the error of a joint shrinks with the time constant of the servo."""
-    knee = laikago_joints("FR")[2]
+    knee = "FR_lower_leg_2_upper_leg_joint"
 
     def toe(robots: RobotEngine) -> float:
         """Distance of a toe from its upper leg [m], which depends on the knee alone."""

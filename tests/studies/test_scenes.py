@@ -10,7 +10,7 @@ from smartmesh_ros import GridGeometry, InputError
 from smartmesh_ros.tools.evaluation.clearance import clearances
 from smartmesh_ros.tools.evaluation.grounds import GROUNDS, make_ground
 from smartmesh_ros.tools.evaluation.scene import read_scene, read_scenes
-from studies.body_contest import reference_positions
+from studies.accuracy import BodyContest
 
 SCENES = read_scenes()
 
@@ -64,7 +64,7 @@ def test_ground_that_slides_is_at_rest_for_who_goes_along() -> None:
     [scene] = [scene for scene in SCENES if scene.slide != (0.0, 0.0)]
     at_rest = replace(scene, slide=(0.0, 0.0), bodies=replace(scene.bodies, count=1, velocity=(-1.0, 0.0, 0.0)))
     sliding = replace(at_rest, slide=(1.0, 0.0), bodies=replace(at_rest.bodies, velocity=(0.0, 0.0, 0.0)))
-    found, expected = reference_positions(sliding), reference_positions(at_rest)
+    found, expected = (BodyContest(one).reference() for one in (sliding, at_rest))
     assert found is not None and expected is not None
     assert found == pytest.approx(expected + (1.0, 0.0, 0.0), abs=1e-9)
     heights = scene.make_ground().heights(0.0)

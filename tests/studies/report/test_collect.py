@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from studies.report.collect import GridGraph, TriangleGraph, cached_topology, queue_bfs, topology_around, union_bfs
+from studies.report.search import GridGraph, TriangleGraph, cached_topology, queue_bfs, topology_around, union_bfs
 
 
 def flat_mesh(side: int) -> TriangleGraph:

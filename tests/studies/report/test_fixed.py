@@ -10,10 +10,8 @@ from hypothesis import strategies as st
 
 from smartmesh_ros import HeightMap
 from smartmesh_ros.ground.state import BODY_COLUMNS
-from studies.report.batch import PatchBatch
 from studies.report.config import ReportConfig
-from studies.report.mesh_patches import mesh_twist
-from studies.report.patches import ChosenPatches
+from studies.report.patches import ChosenPatches, PatchBatch, mesh_twist
 
 SOLID = ReportConfig(kind="trimesh")  # whose patches have the extent that the body's size asks for
 
@@ -25,8 +23,8 @@ def patches_of(
     followers: Any = SimpleNamespace(radii=np.array(radii), table={"alive": np.ones(len(radii), bool)})
     states = np.zeros((len(positions), BODY_COLUMNS))
     states[:, :3], states[:, 6] = positions, 1.0
-    chosen = ChosenPatches(ground, config, followers)
-    chosen.refresh(time, 1.0 / 240.0, states)
+    chosen = ChosenPatches(config, followers)
+    chosen.refresh(ground, time, 1.0 / 240.0, states)
     return chosen.batches
 
 
