@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -68,16 +67,14 @@ def ripples_against_whole(method: Method) -> float:
         for index, (x, y) in enumerate(starts.tolist()):
             z = float(lowest(surface, Sphere(0.2), np.array([[x, y]]))[0])
             arena.spawn(f"ball_{index}", Sphere(0.2), (x, y, z), linear=(1.0, 0.0, 0.0), angular=(0.0, 5.0, 0.0))
-            state = arena.world.state(f"ball_{index}")
-            shifted = tuple(np.add(state.position, (5.0, 5.0, 0.0)).tolist())
-            bodies.append(EngineBody(shape=Sphere(0.2), state=replace(state, position=shifted)))
-        ends = []
+            bodies.append(EngineBody(shape=Sphere(0.2), state=arena.world.state(f"ball_{index}")))
+        ends, corner = [], surface.geometry.origin[:2]
         for rate in (240, 8 * 240):
-            setup = Setup(heights=surface.heights, resolution=0.1, bodies=bodies, dt=1.0 / rate)
+            setup = Setup(heights=surface.heights, resolution=0.1, origin=corner, bodies=bodies, dt=1.0 / rate)
             with build("bullet_trimesh", setup, edge_filter=True) as whole:
                 for _ in range(rate):
                     whole.step()
-                ends.append(whole.positions() - (5.0, 5.0, 0.0))
+                ends.append(whole.positions())
         arena.settle(1.0)
         whole_off, off = (np.linalg.norm(end - ends[1], axis=1).max() for end in (ends[0], arena.positions()))
         return 1e3 * max(float(off - whole_off), 0.0)
