@@ -24,7 +24,7 @@ from smartmesh_ros.node.refusals import Refusals, shortened
 from smartmesh_ros.node.services.files import FileWork
 from smartmesh_ros.node.services.turns import Line, Turns, Work
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer, stamp_of
-from smartmesh_ros.node.timing.stamps import Placed
+from smartmesh_ros.node.timing.stamps import Placed, StampClock
 from smartmesh_ros.node.transport import Clock, Transport
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.world.base import Base
@@ -198,6 +198,10 @@ class Session:
     def clock_now(self) -> float:
         """Return the time to compare stamps with [s]: simulated time if the node publishes it, else its clock."""
         return self.time_at(0.0) if self.settings.publish.clock else self.clock.stamp_now()
+
+    def stamp_clock(self) -> StampClock:
+        """Return the clock of the stamps of a source that has sent none yet."""
+        return StampClock(lambda: self.pacer.interval)
 
     @property
     def simulates_stamps(self) -> bool:
