@@ -49,7 +49,7 @@ class BodyServices:
         else:
             what = conversions.shape_of_primitive(body.shape)
         standing = {"on_ground": body.on_ground, "clearance": body.clearance, "align": body.align}
-        add = await in_turns(adding(world, body.id, what, body.mass, state, **standing), session.lock, session.standing)
+        add = await in_turns(adding(session, body.id, what, body.mass, state, **standing), session.lock, session.standing)
 
         def action() -> str:
             session.require_room([body.id])
