@@ -40,7 +40,7 @@ def test_shapes_are_put_onto_the_ground_in_turns() -> None:
     ground = heightmap_message(0.2 * np.sin(0.2 * columns) + 0.01 * rows, resolution=0.25)
     shapes = (BALL, box(0.5, 0.3, 0.2), SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.5, 0.1]))
     bodies = [
-        specification(k, shape=shape, pose=pose_message((5.0 + 3 * k, 5.0 + k, 0.0), 0.3 * k), on_ground=True, align=True)
+        specification(k, shape=shape, pose=pose_message((5.0 + 3 * k, 5.0, 0.0), 0.3 * k), on_ground=True, align=True)
         for k, shape in enumerate(shapes)
     ]
     with fed({}) as node, World() as other:

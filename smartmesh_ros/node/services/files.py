@@ -42,7 +42,8 @@ def urdf_text(urdf: str) -> str:
 
 def with_package_paths(urdf: str) -> str:
     """Return the path that a URI names by ``package://<package>`` or ``file://``, with ``%20`` for a space; other paths
-    and URDF texts are returned as they are, texts without a byte order mark. Raises `InputError` if the package is not installed, or it is no path."""
+    are returned as they are, and URDF texts without a byte order mark. Raises `InputError` if the package is not
+    installed, or it is no path."""
 
     def folder(match: re.Match[str]) -> str:
         if (found := package_folder(match[1])) is not None:

@@ -24,9 +24,7 @@ class ShapeStances:
         self._client: Any = None
         self._factory: BodyFactory | None = None
 
-    def of(
-        self, world: World, name: str, shape: Shape, mass: float, state: BodyState, *, align: bool
-    ) -> Parts[Stance]:
+    def of(self, world: World, name: str, shape: Shape, mass: float, state: BodyState, *, align: bool) -> Parts[Stance]:
         """Find how a shape would stand on the ground of a world. Raises `InputError` as of `World.spawn`."""
         require_possible(name, state)
         if world.terrain.empty:

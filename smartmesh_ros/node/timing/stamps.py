@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from smartmesh_ros.errors import InputError
 
 # A first stamp whose age on arrival [s] is within these limits is on this node's clock; any other comes from another
-# clock. Under simulated time stamps may be ahead by one more interval of ``/clock``, which messages of the same tick may
+# clock. Under simulated time stamps may be ahead by one more interval of ``/clock``, which messages of a tick may
 # overtake. A source of another clock changes to this node's clock if its stamps are at most half as old.
 OLDEST, NEWEST = 1.0, -0.05
 # The loop has stalled if stamps of another clock are more than this many times as far apart as their simulated times
