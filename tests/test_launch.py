@@ -106,6 +106,19 @@ def test_a_file_that_does_not_exist_ends_the_launch_with_its_path(launch: Launch
     assert "preset" not in arguments or {*str(error.value).rpartition(" are ")[2].split(", ")} == {*presets}
 
 
+def test_an_argument_that_means_nothing_ends_the_launch(
+    launch: Launch, fleet: Launch, stand_ins: dict[str, type[Recorded]]
+) -> None:
+    soil = Launch(LAUNCH / "soil.launch.py", stand_ins)
+    wrong = [(launch, "rviz", "ture"), (launch, "use_sim_time", "maybe"), (soil, "rover", "1x")]
+    wrong += [(fleet, "nodes", given) for given in ("two", "0", "-1", "2.5", "")]
+    for which, name, given in wrong:
+        with pytest.raises(ValueError, match=f"^{name}:={given} is "):
+            which.of("Node", **{name: given})
+    assert fleet.declared["spread"].kwargs["choices"] == ("fewest", "tiles")
+    assert fleet.declared["respawn"].kwargs["choices"] == ("elsewhere", "same")
+
+
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
 def test_without_rviz_nothing_is_started(path: Path, stand_ins: dict[str, type[Recorded]], no_rviz: None) -> None:
     """ROS launch starts actions in their order and looks each executable up when its turn comes."""
