@@ -149,6 +149,25 @@ def test_a_fleet_shares_terrain_and_patches_and_knows_its_peers(fleet: Launch, r
     assert len(fleet.of("Node", nodes="1", scene="")) == 2
 
 
+def test_a_namespace_that_an_outer_launch_file_pushes_is_that_of_all_names(
+    launch: Launch, fleet: Launch, rviz: None
+) -> None:
+    """The peers of a fleet, its front and what RViz shows have full names, to which ROS launch adds nothing."""
+
+    def made(which: Launch, **arguments: str) -> list[Any]:
+        nodes = which.of("Node", rviz="true", **arguments)
+        kept = [
+            (node.kwargs.get("namespace", ""), node.kwargs.get("remappings"), str(node.kwargs["parameters"]))
+            for node in nodes
+        ]
+        return [(space.strip("/"), *more) for space, *more in kept]
+
+    for which in (launch, fleet):
+        assert made(which, ros_namespace="/alpha") == made(which, namespace="alpha")
+        assert made(which, ros_namespace="alpha", namespace="b") == made(which, namespace="alpha/b")
+        assert made(which, ros_namespace="alpha", namespace="/b") == made(which, namespace="b")
+
+
 def test_the_rover_comes_when_it_is_asked_for(stand_ins: dict[str, type[Recorded]]) -> None:
     launch = Launch(LAUNCH / "soil.launch.py", stand_ins)
     kinds = [node.kwargs["executable"] for node in launch.of("Node")]

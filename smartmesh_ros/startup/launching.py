@@ -83,11 +83,21 @@ def _description(arguments: list[Any], nodes: Callable[[Values], list[Any]], sho
 
     def act(context: Any) -> list[Any]:
         def value(name: str) -> str:
-            return str(LaunchConfiguration(name).perform(context))
+            found = str(LaunchConfiguration(name).perform(context))
+            return within(pushed, found) if name == "namespace" else found
+
+        pushed = LaunchConfiguration("ros_namespace", default="").perform(context)
 
         return [*_settings_of_dds(value), *nodes(value), *_rviz(value, shown)]
 
     return LaunchDescription([*arguments, OpaqueFunction(function=act)])
+
+
+def within(outer: str, namespace: str) -> str:
+    """Return the namespace of nodes for the one that an outer launch file pushed, if any: full names are made of it."""
+    if not outer.strip("/") or namespace.startswith("/"):
+        return namespace
+    return f"/{outer.strip('/')}/{namespace}".rstrip("/")
 
 
 def _fleet_nodes(value: Values) -> list[Any]:
