@@ -93,7 +93,7 @@ def _checked(
     return {
         "frame_id": str(frame_id), "waiting": [*map(str, waiting)], "described": bool(described), "bases": numbers,
         "names": None if names is None else [*map(str, names)],
-        "starts": {name: BodyState(tuple(pose[:3]), tuple(pose[3:])) for name, pose in poses.items()},
+        "starts": {name: BodyState((x, y, z), (a, b, c, w)) for name, (x, y, z, a, b, c, w) in poses.items()},
     }  # fmt: skip
 
 
