@@ -9,12 +9,12 @@ from smartmesh_ros.startup.launching import Values, argument, description, is_tr
 def soil(value: Values) -> dict[str, Any]:
     """Return the parameters of the soil. The rover turns by the slip of its wheels, which would dig in."""
     names = [name.strip() for name in value("soil").split(",")]
-    return {"soil.type": names, "soil.slip_sinkage": not is_true(value("rover"))}
+    return {"soil.type": names, "soil.slip_sinkage": not is_true(value, "rover")}
 
 
 def rover(value: Values) -> list[Any]:
     """Return the rover if it is asked for."""
-    if not is_true(value("rover")):
+    if not is_true(value, "rover"):
         return []
     return [node(executable="rover", output="screen", namespace=value("namespace"), parameters=[time_of(value)])]
 

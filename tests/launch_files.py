@@ -20,7 +20,7 @@ class Recorded:
 
     def perform(self, context: dict[str, str]) -> str:
         """As of a LaunchConfiguration: the value of the argument of its name."""
-        return context[self.args[0]]
+        return context.get(self.args[0], self.kwargs["default"]) if "default" in self.kwargs else context[self.args[0]]
 
 
 class Launch:
@@ -35,8 +35,9 @@ class Launch:
         self.defaults = {name: item.kwargs["default_value"] for name, item in self.declared.items()}
 
     def of(self, kind: str, **arguments: str) -> list[Recorded]:
-        """What it makes of a kind with these arguments and the defaults of the others."""
-        assert set(arguments) <= set(self.defaults)
+        """What it makes of a kind with these arguments and the defaults of the others. ``ros_namespace``: as an outer
+        launch file pushes one."""
+        assert set(arguments) <= {*self.defaults, "ros_namespace"}
         items = [item for item in self._items if type(item) is not self._kinds["OpaqueFunction"]]
         for item in self._items[len(items) :]:
             items += item.kwargs["function"]({**self.defaults, **arguments})

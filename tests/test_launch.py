@@ -106,6 +106,19 @@ def test_a_file_that_does_not_exist_ends_the_launch_with_its_path(launch: Launch
     assert "preset" not in arguments or {*str(error.value).rpartition(" are ")[2].split(", ")} == {*presets}
 
 
+def test_an_argument_that_means_nothing_ends_the_launch(
+    launch: Launch, fleet: Launch, stand_ins: dict[str, type[Recorded]]
+) -> None:
+    soil = Launch(LAUNCH / "soil.launch.py", stand_ins)
+    wrong = [(launch, "rviz", "ture"), (launch, "use_sim_time", "maybe"), (soil, "rover", "1x")]
+    wrong += [(fleet, "nodes", given) for given in ("two", "0", "-1", "2.5", "")]
+    for which, name, given in wrong:
+        with pytest.raises(ValueError, match=f"^{name}:={given} is "):
+            which.of("Node", **{name: given})
+    assert fleet.declared["spread"].kwargs["choices"] == ("fewest", "tiles")
+    assert fleet.declared["respawn"].kwargs["choices"] == ("elsewhere", "same")
+
+
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
 def test_without_rviz_nothing_is_started(path: Path, stand_ins: dict[str, type[Recorded]], no_rviz: None) -> None:
     """ROS launch starts actions in their order and looks each executable up when its turn comes."""
@@ -134,6 +147,25 @@ def test_a_fleet_shares_terrain_and_patches_and_knows_its_peers(fleet: Launch, r
     assert ("/terrain_collider/patches", "/site/fleet/patches") in rviz.kwargs["remappings"]
     assert {node.kwargs["executable"] for node in (*colliders, front, source)} <= EXECUTABLES
     assert len(fleet.of("Node", nodes="1", scene="")) == 2
+
+
+def test_a_namespace_that_an_outer_launch_file_pushes_is_that_of_all_names(
+    launch: Launch, fleet: Launch, rviz: None
+) -> None:
+    """The peers of a fleet, its front and what RViz shows have full names, to which ROS launch adds nothing."""
+
+    def made(which: Launch, **arguments: str) -> list[Any]:
+        nodes = which.of("Node", rviz="true", **arguments)
+        kept = [
+            (node.kwargs.get("namespace", ""), node.kwargs.get("remappings"), str(node.kwargs["parameters"]))
+            for node in nodes
+        ]
+        return [(space.strip("/"), *more) for space, *more in kept]
+
+    for which in (launch, fleet):
+        assert made(which, ros_namespace="/alpha") == made(which, namespace="alpha")
+        assert made(which, ros_namespace="alpha", namespace="b") == made(which, namespace="alpha/b")
+        assert made(which, ros_namespace="alpha", namespace="/b") == made(which, namespace="b")
 
 
 def test_the_rover_comes_when_it_is_asked_for(stand_ins: dict[str, type[Recorded]]) -> None:

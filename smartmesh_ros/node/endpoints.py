@@ -11,12 +11,13 @@ from itertools import product
 from time import monotonic
 from typing import Any
 
-from rclpy.qos import QoSCompatibility, qos_check_compatible
+from rclpy.qos import DurabilityPolicy, QoSCompatibility, qos_check_compatible
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.transport import Transport
 
+LATCHED = DurabilityPolicy.TRANSIENT_LOCAL
 # Name in the ROS graph of a node whose name has not arrived.
 UNKNOWN = "_NODE_NAME_UNKNOWN_"
 # Time without a name after which an endpoint counts as a program without ROS [s].
@@ -105,6 +106,20 @@ def incompatible_peers(
             if len(peers) == 1 and compatible == QoSCompatibility.ERROR and (name := names.of(peers[0])) is not None:
                 found.setdefault(topic, []).append(f"{name}: {reason.replace('ERROR: ', '').strip('; ')}")
     return {topic: "; ".join(peers) for topic, peers in found.items()}
+
+
+def unheard_latched(node: Transport, subscriptions: Iterable[Any]) -> str:
+    """Return why a message that was published once may not arrive: the topic of a latched publisher and of a
+    subscription that is not. Empty if there is none."""
+    own = (node.get_name(), node.get_namespace())
+    for topic in [end.topic_name for end in subscriptions if end.get_publisher_count()]:
+        ends = node.get_subscriptions_info_by_topic(topic)
+        taken = [end.qos_profile.durability for end in ends if (end.node_name, end.node_namespace) == own]
+        given = [end.qos_profile.durability for end in node.get_publishers_info_by_topic(topic)]
+        if LATCHED in given and taken and LATCHED not in taken:
+            parameter = f"qos_overrides.{topic}.subscription.durability"
+            return f"{topic} has a latched publisher; if that sent its map before, set {parameter} to transient_local"
+    return ""
 
 
 def publishers_of(subscriptions: Iterable[Any]) -> dict[str, int]:

@@ -22,9 +22,10 @@ from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import LONGEST_NAME, MOST_BODIES, Settings
 from smartmesh_ros.node.refusals import Refusals, shortened
 from smartmesh_ros.node.services.files import FileWork
+from smartmesh_ros.node.services.shape_stances import ShapeStances
 from smartmesh_ros.node.services.turns import Line, Turns, Work
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer, stamp_of
-from smartmesh_ros.node.timing.stamps import Placed
+from smartmesh_ros.node.timing.stamps import Placed, StampClock
 from smartmesh_ros.node.transport import Clock, Transport
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.world.base import Base
@@ -67,9 +68,9 @@ class Session:
     not. ``terrain_subscriptions``: subscriptions to terrain. ``topics``: the node's inputs and outputs. ``jumps``:
     number of jumps of tracked bodies, by topic. ``unstamped``: number of transforms without stamp, by topic.
     ``stamp_ages``: steady age of the stamps of each input on arrival [s], None = without stamps. ``names``: names of
-    the peer nodes. ``turns``: answers under way. ``standing``: robots that are put onto the ground, one by one.
-    ``files``: reads files and prepares robots. ``bases``: robots that drive, by name. ``lost``: why bodies were
-    removed, by name, until a reset.
+    the peer nodes. ``turns``: answers under way. ``standing``: bodies that are put onto the ground, one by one, by
+    ``stances``. ``files``: reads files and prepares robots. ``bases``: robots that drive, by name. ``lost``: why
+    bodies were removed, by name, until a reset.
     """
 
     def __init__(self, node: Transport, settings: Settings, clock: Clock) -> None:
@@ -98,7 +99,7 @@ class Session:
         self.maps = 0
         self.map_warning = ""
         self.turns, self.standing = Turns(), Line()
-        self.files = FileWork()
+        self.files, self.stances = FileWork(), ShapeStances()
         self.lost: dict[str, str] = {}
 
     @property
@@ -198,6 +199,10 @@ class Session:
     def clock_now(self) -> float:
         """Return the time to compare stamps with [s]: simulated time if the node publishes it, else its clock."""
         return self.time_at(0.0) if self.settings.publish.clock else self.clock.stamp_now()
+
+    def stamp_clock(self) -> StampClock:
+        """Return the clock of the stamps of a source that has sent none yet."""
+        return StampClock(lambda: self.pacer.interval)
 
     @property
     def simulates_stamps(self) -> bool:

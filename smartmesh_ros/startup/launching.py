@@ -26,6 +26,7 @@ PACKAGE, NODE = "smartmesh_ros", "terrain_collider"
 NO_PRESETS = ("diagnostic_aggregator",)
 # Topics of the node that RViz shows.
 SHOWN = ("patches", "scene", "robot_model")
+TRUE, FALSE = ("true", "1", "yes", "on"), ("false", "0", "no", "off", "")
 LOG_LEVELS = ("debug", "info", "warn", "error", "fatal")
 
 Values = Callable[[str], str]
@@ -60,8 +61,18 @@ def fleet() -> LaunchDescription:
     arguments = [
         *_arguments(preset=fleet_layout.PRESET),
         argument("nodes", "4", "Number of colliders that share the terrain."),
-        argument("spread", "fewest", "Node of a new body: fewest (bodies), or tiles (by start position)."),
-        argument("respawn", "elsewhere", "Where bodies of a dead node are respawned: elsewhere, or on the same."),
+        argument(
+            "spread",
+            "fewest",
+            "Node of a new body: fewest (bodies), or tiles (by start position).",
+            ("fewest", "tiles"),
+        ),
+        argument(
+            "respawn",
+            "elsewhere",
+            "Where bodies of a dead node are respawned: elsewhere, or on the same.",
+            ("elsewhere", "same"),
+        ),
         scene_argument("empty = no terrain_source, publish your own terrain", ""),
     ]
     return _description(arguments, _fleet_nodes, fleet_layout.FRONT)
@@ -72,15 +83,25 @@ def _description(arguments: list[Any], nodes: Callable[[Values], list[Any]], sho
 
     def act(context: Any) -> list[Any]:
         def value(name: str) -> str:
-            return str(LaunchConfiguration(name).perform(context))
+            found = str(LaunchConfiguration(name).perform(context))
+            return within(pushed, found) if name == "namespace" else found
+
+        pushed = LaunchConfiguration("ros_namespace", default="").perform(context)
 
         return [*_settings_of_dds(value), *nodes(value), *_rviz(value, shown)]
 
     return LaunchDescription([*arguments, OpaqueFunction(function=act)])
 
 
+def within(outer: str, namespace: str) -> str:
+    """Return the namespace of nodes for the one that an outer launch file pushed, if any: full names are made of it."""
+    if not outer.strip("/") or namespace.startswith("/"):
+        return namespace
+    return f"/{outer.strip('/')}/{namespace}".rstrip("/")
+
+
 def _fleet_nodes(value: Values) -> list[Any]:
-    space, count = value("namespace"), int(value("nodes"))
+    space, count = value("namespace"), _count(value, "nodes")
     common: dict[str, Any] = {"output": "screen"}
     level = ["--ros-args", "--log-level", value("log_level")]
     files = parameter_files([value("preset")], value("config"))
@@ -132,12 +153,23 @@ def node(*, package: str = PACKAGE, executable: str, hint: str = "build and sour
 def time_of(value: Values) -> dict[str, bool]:
     """Return the parameter ``use_sim_time`` if the launch argument has a value. Without one it is left to
     `SetParameter` of an outer launch file, which a node's own parameters would override."""
-    return {"use_sim_time": is_true(value("use_sim_time"))} if value("use_sim_time") else {}
+    return {"use_sim_time": is_true(value, "use_sim_time")} if value("use_sim_time") else {}
 
 
-def is_true(text: str) -> bool:
-    """Return True if the text of a launch argument means true."""
-    return text.strip().lower() in ("true", "1", "yes", "on")
+def is_true(value: Values, name: str) -> bool:
+    """Return True if a launch argument means true. Raises `ValueError`, which ends the launch, if it means nothing."""
+    text = value(name).strip().lower()
+    if text not in (*TRUE, *FALSE):
+        raise ValueError(f"{name}:={value(name)} is neither true nor false")
+    return text in TRUE
+
+
+def _count(value: Values, name: str) -> int:
+    """Return the number that a launch argument gives. Raises `ValueError`, which ends the launch."""
+    text = value(name).strip()
+    if not text.isdecimal() or not int(text):
+        raise ValueError(f"{name}:={value(name)} is no number of 1 or more")
+    return int(text)
 
 
 def parameter_files(presets: Sequence[str], config: str) -> list[str]:
@@ -191,7 +223,7 @@ def _collider(value: Values, files: Sequence[Any], remappings: Sequence[tuple[st
 
 
 def _rviz(value: Values, shown: str) -> list[Any]:
-    if not is_true(value("rviz")):
+    if not is_true(value, "rviz"):
         return []
     namespace = value("namespace").strip("/")
     there = f"/{namespace}/{shown}" if namespace else f"/{shown}"

@@ -11,13 +11,16 @@ from hypothesis import strategies as st
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 
+from smartmesh_ros import HeightMap, World
+from smartmesh_ros.node.inputs.conversions import shape_of_primitive, state_from
 from smartmesh_ros.node.services.turns import NextTurn, Turns, Work
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, heightmap_message, pose_message
 from smartmesh_ros.tools.testing.replaying import replayed
-from tests.node.shared import BALL, made_with, show_map
+from tests.node.shared import BALL, box, fed, made_with, show_map
 
 # So many messages of a thousand bodies are read in time on a busy machine, too: answers wait behind those that are not.
 SHARED = {"publish.patches": 4.0, "publish.body_states": 4.0}
@@ -29,6 +32,30 @@ FLAT: dict[str, Any] = {"heights": np.zeros((101, 101)), "resolution": 0.5}
 def specification(index: int, **changes: Any) -> BodySpecification:
     pose = pose_message((1.0 + index % 48, 1.0 + index // 48, 0.2))
     return BodySpecification(**{"id": f"body_{index}", "mass": 1.0, "shape": BALL, "pose": pose, **changes})
+
+
+def test_shapes_are_put_onto_the_ground_in_turns() -> None:
+    """And each stands as `World.spawn` puts it."""
+    rows, columns = np.mgrid[:81, :81]
+    ground = heightmap_message(0.2 * np.sin(0.2 * columns) + 0.01 * rows, resolution=0.25)
+    shapes = (BALL, box(0.5, 0.3, 0.2), SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.5, 0.1]))
+    bodies = [
+        specification(k, shape=shape, pose=pose_message((5.0 + 3 * k, 5.0, 0.0), 0.3 * k), on_ground=True, align=True)
+        for k, shape in enumerate(shapes)
+    ]
+    with fed({}) as node, World() as other:
+        node.give("heightmap", ground)
+        heights = np.float32(ground.heights).reshape(rows.shape)
+        other.terrain.put("", HeightMap(heights, resolution=0.25))
+        turns, turn = [0], node.node.turn
+        node.node.turn = lambda: turns.append(turns[-1] + 1) or turn()  # type: ignore[method-assign]
+        assert node.call("spawn_bodies", SpawnBodies.Request(bodies=bodies)).success
+        assert turns[-1] > 50 * len(bodies)
+        for body in bodies:
+            state, shape = state_from(body.pose, body.twist), shape_of_primitive(body.shape)
+            other.spawn(body.id, shape, body.mass, state, on_ground=True, align=True)
+            found, expected = (world.state(body.id) for world in (node.world, other))
+            assert found == expected
 
 
 def test_one_bad_body_keeps_all_out_and_every_bad_one_is_named() -> None:

@@ -77,6 +77,26 @@ def test_a_map_that_comes_before_the_first_message_of_the_clock_is_of_no_other_c
         assert not node.node.refusals.counts
 
 
+@pytest.mark.parametrize("period", [0.02, 0.1, 0.5])
+def test_maps_that_overtake_the_clock_of_their_tick_keep_the_velocity_of_the_ground(period: float) -> None:
+    """DDS keeps no order between topics."""
+    speed, rng = 0.5, np.random.default_rng(0)
+    with fed({"use_sim_time": True, "terrain.max_interval": 2.0}) as node:
+        set_clock(node, 100.0)
+        for k in range(1, 30):
+            now = 100.0 + period * k
+            message = heightmap_message(np.full((10, 10), speed * period * k), resolution=1.0)
+            message.header.frame_id, message.header.stamp = "map", stamp_of(now + 1e-9)
+            if early := rng.random() < 0.5:
+                node.give("heightmap", message, 0)
+            set_clock(node, now)
+            if not early:
+                node.give("heightmap", message, 0)
+            if k > 3:
+                [velocity] = node.world.terrain.at([[5.0, 5.0]], node.world.time).velocities
+                assert velocity == pytest.approx(speed, rel=1e-3)
+
+
 @pytest.mark.parametrize(("interval", "rate"), [(0.001, 50.0), (0.1, 48.0)])
 def test_each_state_has_its_own_stamp_and_rates_count_simulated_time(
     probe: Probe, monkeypatch: pytest.MonkeyPatch, interval: float, rate: float

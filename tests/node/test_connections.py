@@ -6,6 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 import rclpy
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -18,8 +19,8 @@ from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.startup.dds import POLICY_VARIABLE, VARIABLE, use_large_message_profile
 from smartmesh_ros.tools.demo.rover import Rover
 from smartmesh_ros.tools.demo.terrain_source import TerrainSource
-from smartmesh_ros.tools.testing import COLLIDER, Probe, Process
-from tests.node.shared import LATCHED, made_with, refusal_at_start
+from smartmesh_ros.tools.testing import COLLIDER, Probe, Process, heightmap_message
+from tests.node.shared import LATCHED, made_with, refusal_at_start, stamped
 
 # Size of the shared memory that the profile asks for [bytes].
 SEGMENT = 128 * 1024**2
@@ -47,6 +48,17 @@ def test_a_peer_with_incompatible_qos_is_named_with_the_policy(probe: Probe) -> 
         assert "/stubborn" in contacts and "transient local" in contacts.lower()
         assert "/probe" not in str(values)
         probe.wait_for(lambda: "'qos_overrides./other.publisher.depth' has no effect so far" in process.output)
+
+
+def test_a_map_that_was_latched_before_the_node_started_is_not_missed_without_a_word(probe: Probe) -> None:
+    """With what would be right: an override of the durability."""
+    latched = probe.node.create_publisher(Heightmap, f"{COLLIDER}/heightmap", LATCHED)
+    latched.publish(stamped(probe, heightmap_message(np.zeros((10, 10)))))
+    name = f"qos_overrides.{COLLIDER}/heightmap.subscription.durability"
+    with probe.running() as process:
+        words = f"no map yet: {COLLIDER}/heightmap has a latched publisher; if that sent its map before, set {name}"
+        probe.wait_for(lambda: words in probe.diagnostics("terrain")["message"])
+        probe.wait_for(lambda: words in process.output)
 
 
 def test_large_maps_go_through_with_the_installed_profile(probe: Probe, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,7 @@
 
 import os
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,14 @@ import pybullet_data
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 from shape_msgs.msg import SolidPrimitive
+from simulation_interfaces.msg import Result
+from simulation_interfaces.srv import SpawnEntity
 from smartmesh_msgs.msg import BodyDescription, BodySpecification, TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBodies, SpawnBody
 from std_msgs.msg import String
 
 from smartmesh_ros import BodyState
+from smartmesh_ros.node.services.files import allowed_folders
 from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
 from smartmesh_ros.tools.testing.replaying import replayed
 from smartmesh_ros.world import population
@@ -182,3 +186,30 @@ def test_every_body_is_described_while_it_is_there() -> None:
         assert guest.tracked and guest.dimensions[0] == pytest.approx(0.7)
         assert run.call("remove_body", RemoveBody.Request(id="box")).success
         assert described().keys() == found.keys() - {"box"}
+
+
+def test_texts_may_begin_with_a_byte_order_mark() -> None:
+    """As files may, which editors on Windows write."""
+    text = "\ufeff" + Path(ROVER).read_text()
+    with replayed(
+        [("heightmap", 0.0, heightmap_message(np.zeros((100, 100)))), ("robot_description", 0.1, String(data=text))],
+        {"robot.start": "{id: described, xy: [2.0, 2.0]}", "simulation_interfaces": True},
+    ) as run:
+        run.run(0.2)
+        assert run.call("spawn_body", SpawnBody.Request(id="spawned", urdf=text)).success
+        request = SpawnEntity.Request(name="entity")
+        getattr(request, "entity_resource", request).resource_string = text
+        assert run.call("spawn_entity", request).result.result == Result.RESULT_OK
+        assert [*run.world.bodies] == ["described", "spawned", "entity"]
+
+
+def test_folders_that_do_not_exist_are_named(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """At the start, and when they are set; one that is made later counts from then on, and ``~`` is one's home."""
+    gone = str(tmp_path / "gone")
+    with fed({"bodies.urdf_folders": [gone, "~"]}) as node:
+        said = capfd.readouterr().err
+        assert f"no folder {gone};" in said and said.count("there is no folder") == 1
+        assert not node.set("bodies.urdf_folders", [str(tmp_path), f"{gone}er"])
+        said = capfd.readouterr().err
+        assert f"no folder {gone}er;" in said and said.count("there is no folder") == 1
+        assert allowed_folders(replace(node.node.settings, urdf_folders=("~/robots",))) == (Path.home() / "robots",)

@@ -10,16 +10,18 @@ import pytest
 from action_msgs.msg import GoalStatus
 from geometry_msgs.msg import Twist, Vector3
 from rclpy.action import ActionClient
+from simulation_interfaces import srv
 from simulation_interfaces.action import SimulateSteps
 from simulation_interfaces.msg import Result
-from smartmesh_msgs.srv import RemoveBody, RestoreState, SaveState, StartEpisode, StepPhysics
+from smartmesh_msgs.srv import RemoveBody, RestoreState, SaveState, SpawnBody, StartEpisode, StepPhysics
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
 from smartmesh_ros import BodyState
-from smartmesh_ros.tools.testing import Probe, heightmap_message
+from smartmesh_ros.tools.replay.replay import Replay
+from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
 from smartmesh_ros.tools.testing.replaying import replayed
-from tests.node.shared import body_names, changed, fed, seconds, show_level_ground, spawn
+from tests.node.shared import BALL, body_names, changed, fed, seconds, show_level_ground, spawn
 from tests.urdfs import HUSKY, ROVER, link, robot
 
 RATE = 240.0
@@ -241,3 +243,33 @@ def test_a_fresh_node_drives_on_as_the_one_that_saved_and_one_that_drove_as_the_
         assert saver.call("restore_state", RestoreState.Request(state=rest)).success
         saver.run(saver.time + 1.0)
         assert abs(saver.collider.session.bases["husky"].odometry.x) < 1e-3
+
+
+def test_a_reset_after_restoring_begins_the_scene_of_the_state() -> None:
+    """As the node that saved would: bodies with which its scene began stay, at their starts, and spawned ones go."""
+    ground = ("heightmap", 0.0, heightmap_message(np.zeros((60, 60))))
+
+    def scene(name: str) -> dict[str, Any]:
+        body = f"{{id: {name}, shape: sphere, size: [0.2], mass: 1.0, xyz: [2.0, 2.0, 1.0]}}"
+        return {"simulation_interfaces": True, "bodies.spawn": [body]}
+
+    def named(run: Replay) -> dict[str, str]:
+        answer = run.call("get_named_poses", srv.GetNamedPoses.Request())
+        return {pose.name: str(pose.pose) for pose in answer.poses}
+
+    with replayed([ground], scene("here")) as fresh, replayed([ground], scene("there")) as saver:
+        for run in (fresh, saver):
+            run.run(0.5)
+        extra = SpawnBody.Request(id="extra", shape=BALL, mass=1.0, pose=pose_message((4.0, 2.0, 1.0)))
+        assert saver.call("spawn_body", extra).success
+        state = saver.call("save_state", SaveState.Request()).state
+        before = fresh.call("save_state", SaveState.Request()).state
+        assert fresh.call("restore_state", RestoreState.Request(state=state)).success
+        assert [*fresh.world.bodies] == ["there", "extra"] and named(fresh) == named(saver)
+        for run in (fresh, saver):
+            assert run.call("reset_simulation", srv.ResetSimulation.Request()).result.result == Result.RESULT_OK
+            assert [*run.world.bodies] == ["there"] and run.world.state("there").position == (2.0, 2.0, 1.0)
+        assert fresh.call("restore_state", RestoreState.Request(state=before)).success
+        assert fresh.call("remove_body", RemoveBody.Request(id="here")).success
+        fresh.call("reset_simulation", srv.ResetSimulation.Request())
+        assert [*fresh.world.bodies] == ["here"], "it is in the parameters"

@@ -127,10 +127,10 @@ class _Peer:
     """Another node. ``reader``, ``clock``: parse its messages and place their stamps in simulated time. ``heard``: time
     of its last accepted message on the loop's clock [s], None = not heard. ``refused``: reason of its last refusal."""
 
-    def __init__(self, subscription: Any) -> None:
+    def __init__(self, subscription: Any, clock: StampClock) -> None:
         self.subscription = subscription
         self.reader = PeerReader()
-        self.clock = StampClock()
+        self.clock = clock
         self.heard: float | None = None
         self.refused = ""
 
@@ -158,7 +158,7 @@ class PeerBodies:
             if peer.heard is not None and pause:
                 peer.heard += pause
             if peer.heard is not None and now - peer.heard > self._session.settings.body_timeout:
-                peer.heard, peer.clock = None, StampClock()
+                peer.heard, peer.clock = None, self._session.stamp_clock()
                 self._session.world.guests.forget(name)
                 self._session.node.get_logger().warning(f"{name} is not heard any more; its bodies were removed here")
         if self._auto and (steady := self._session.clock.steady()) >= self._due:
@@ -170,7 +170,7 @@ class PeerBodies:
         now."""
         now = self._session.clock.pace()
         for peer in self._peers.values():
-            peer.clock = StampClock()
+            peer.clock = self._session.stamp_clock()
             peer.heard = None if peer.heard is None else now
         self._last_refresh = math.inf
 
@@ -195,7 +195,7 @@ class PeerBodies:
         session.listen(
             TrackedBodyArray, topic_of(name), partial(self._on_states, name), NEWEST_QOS, raw=True, private=False
         )
-        self._peers[name] = _Peer(session.subscriptions[-1])
+        self._peers[name] = _Peer(session.subscriptions[-1], session.stamp_clock())
 
     def _discover(self) -> None:
         """Subscribe to new nodes, and unsubscribe from nodes that are gone."""

@@ -149,7 +149,8 @@ class BodyInputs:
     def _placed(self, topic: str, source: str, stamp: float | None) -> Iterator[Placed]:
         """Yields a stamp [s] of a source in the loop's time; records it as accepted unless the block raises
         `InputError`."""
-        session, clock = self._session, self._clocks.setdefault(source, StampClock())
+        session = self._session
+        clock = self._clocks.setdefault(source, session.stamp_clock())
         placed = clock.place(stamp, session.clock_now(), lambda age: session.clock.pace() - age)
         yield placed
         session.note_clock(source, placed)

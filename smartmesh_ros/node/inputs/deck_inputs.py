@@ -98,7 +98,7 @@ class DeckInputs:
     def _move(self, name: str, state: BodyState, stamp: float | None, *, stated: bool) -> None:
         """Move a deck with the frame that is in a ``state`` at a ``stamp`` [s]. Raises `InputError`."""
         session, entry, deck = self._session, self._entries[name], self.decks[name]
-        clock = self._clocks.setdefault(name, StampClock())
+        clock = self._clocks.setdefault(name, session.stamp_clock())
         placed = clock.place(stamp, session.clock_now(), session.time_at, pace=session.pacer.pace)
         own = Transform(state.position, state.orientation).then(Transform(entry.at, entry.orientation))
         arm = rotate(state.orientation, entry.at)

@@ -202,7 +202,7 @@ class TerrainInputs:
                 words = f"frame {start.frame_id!r} is not that of the deck, {target.frame!r}"
                 raise InputError("frame", f"{words}; maps of a deck are in its own frame")
             require_name(tile)
-            clock = self._clocks.get(tile) or StampClock()
+            clock = self._clocks.get(tile) or session.stamp_clock()
             longest = session.settings.motion.max_interval
             placed = clock.place(
                 stamp, session.clock_now(), session.time_at, longest if update else 0.0, longest, session.pacer.pace

@@ -8,7 +8,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.qos import QoSProfile
 
-from smartmesh_ros.node.endpoints import Namesakes, incompatible_peers, publishers_of
+from smartmesh_ros.node.endpoints import Namesakes, incompatible_peers, publishers_of, unheard_latched
 from smartmesh_ros.node.fleet.peers import PeerBodies
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing, ClockWatch
 from smartmesh_ros.node.session import Session
@@ -68,6 +68,7 @@ class Diagnostics:
         self._due, self._connections_due = 0.0, 0.0
         self._connections: dict[str, int] = {}
         self._refused_before = 0
+        self._unheard, self._told = "", False
 
     def publish(self, now: float) -> None:
         """Publish the state if it is due at the steady time ``now`` [s], or if a publisher appeared or disappeared."""
@@ -104,7 +105,7 @@ class Diagnostics:
         values["overtaken by a newer one"] = session.overtaken.total()
         values |= {f"overtaken on {topic}": count for topic, count in sorted(session.overtaken.items())}
         if session.last_map_time is None:
-            return DiagnosticStatus.WARN, "no map yet", values
+            return DiagnosticStatus.WARN, self._no_map(), values
         age = session.clock.steady() - session.last_map_time
         values["age [s]"] = f"{age:.3f}"
         text = f"the last map is {age:.1f} s old"
@@ -116,6 +117,15 @@ class Diagnostics:
         if age > STALE:
             return DiagnosticStatus.OK, text, values
         return DiagnosticStatus.OK, "maps arrive", values
+
+    def _no_map(self) -> str:
+        """Return that there is no map yet, and why, if that may be known; log why when it is found again."""
+        node, before = self._session.node, self._unheard
+        self._unheard = unheard_latched(node, self._session.terrain_subscriptions)
+        if self._unheard and self._unheard == before and not self._told:
+            node.get_logger().warning(f"no map yet: {self._unheard}")
+            self._told = True
+        return f"no map yet: {self._unheard}" if self._unheard else "no map yet"
 
     def _bodies(self) -> tuple[bytes, str, dict[str, Any]]:
         world, peers = self._world, self._peers.summaries()

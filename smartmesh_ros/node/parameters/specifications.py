@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial, reduce
+from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from rcl_interfaces.msg import SetParametersResult
@@ -211,6 +212,7 @@ def check_change(node: Node, changes: list[Parameter], check: Callable[[Settings
 def announce(node: Node, settings: Settings) -> None:
     """Logs the node's settings in one line; warns of parameter files for other nodes."""
     name = node.get_fully_qualified_name()
+    _note_absent(node, settings.urdf_folders)
     files, strays = files_of(sys.argv), []
     for file in files:
         if (reason := mismatch(file, name)) is not None:
@@ -218,6 +220,14 @@ def announce(node: Node, settings: Settings) -> None:
             node.get_logger().warning(reason)
     taken = [str(file) for file in files if file not in strays]
     node.get_logger().info(f"{name}: {summary(settings)}; parameters: {', '.join(taken) or 'defaults'}")
+
+
+def _note_absent(node: Node, folders: Sequence[str]) -> None:
+    """Logs a warning for each folder of ``bodies.urdf_folders`` that does not exist; it may be made later."""
+    for folder in folders:
+        if not Path(folder).expanduser().is_dir():
+            words = f"bodies.urdf_folders has {folder!r}, but there is no folder {Path(folder).expanduser().absolute()}"
+            node.get_logger().warning(f"{words}; give the path of a folder on the machine of this node")
 
 
 def summary(settings: Settings) -> str:
@@ -232,3 +242,5 @@ def announce_changes(node: Node, before: Mapping[str, Any], after: Mapping[str, 
     for name, value in after.items():
         if value != before[name]:
             node.get_logger().info(f"parameter {name} is now {value!r}; it was {before[name]!r}")
+            if name == "bodies.urdf_folders":
+                _note_absent(node, value)

@@ -39,7 +39,7 @@ class BodyServices:
         """Return the action that adds a body, and returns how it starts otherwise than asked, empty if it does not; it
         raises `InputError` and adds nothing if the world refuses the body. A robot is prepared before. Raises
         `InputError`."""
-        session, world = self._session, self._session.world
+        session = self._session
         require_name(body.id)
         session.require_room([body.id])
         state = conversions.state_from(body.pose, body.twist)
@@ -49,7 +49,8 @@ class BodyServices:
         else:
             what = conversions.shape_of_primitive(body.shape)
         standing = {"on_ground": body.on_ground, "clearance": body.clearance, "align": body.align}
-        add = await in_turns(adding(world, body.id, what, body.mass, state, **standing), session.lock, session.standing)
+        parts = adding(session, body.id, what, body.mass, state, **standing)
+        add = await in_turns(parts, session.lock, session.standing)
 
         def action() -> str:
             session.require_room([body.id])

@@ -21,11 +21,13 @@ from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.robots.workshop import WORKSHOP
 
 Found = TypeVar("Found")
+# What texts of editors on Windows may begin with.
+BYTE_ORDER_MARK = "\ufeff"
 
 
 def robot_name(urdf: str) -> str:
     """Return the robot's name in a URDF text, or "". Raises `InputError` if the text is no URDF."""
-    return xml_of(urdf).get("name") or ""
+    return xml_of(urdf.removeprefix(BYTE_ORDER_MARK)).get("name") or ""
 
 
 def urdf_text(urdf: str) -> str:
@@ -40,13 +42,15 @@ def urdf_text(urdf: str) -> str:
 
 def with_package_paths(urdf: str) -> str:
     """Return the path that a URI names by ``package://<package>`` or ``file://``, with ``%20`` for a space; other paths
-    and URDF texts are returned as they are. Raises `InputError` if the package is not installed, or it is no path."""
+    are returned as they are, and URDF texts without a byte order mark. Raises `InputError` if the package is not
+    installed, or it is no path."""
 
     def folder(match: re.Match[str]) -> str:
         if (found := package_folder(match[1])) is not None:
             return str(found)
         raise InputError("urdf_package", f"package {match[1]!r} is not installed, or not sourced")
 
+    urdf = urdf.removeprefix(BYTE_ORDER_MARK)
     if is_text(urdf):  # `named_file` reads the names in it
         return urdf
     try:
@@ -59,7 +63,7 @@ def with_package_paths(urdf: str) -> str:
 def allowed_folders(settings: Settings) -> tuple[Path, ...]:
     """Return the folders from which peers may let files be loaded."""
     if settings.urdf_folders:
-        return tuple(Path(folder) for folder in settings.urdf_folders)
+        return tuple(Path(folder).expanduser() for folder in settings.urdf_folders)
     prefixes = [prefix for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
     return Path(pybullet_data.getDataPath()), *(Path(prefix) / "share" for prefix in prefixes)
 

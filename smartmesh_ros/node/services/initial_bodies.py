@@ -38,37 +38,38 @@ def state_of(world: World, entry: Entry) -> BodyState | None:
 
 
 def adding(
-    world: World, name: str, what: Shape | PreparedRobot, mass: float, state: BodyState, **standing: Any
+    session: Session, name: str, what: Shape | PreparedRobot, mass: float, state: BodyState, **standing: Any
 ) -> Parts[Callable[[], None]]:
     """Find in parts how a body, or a robot, is added, and return the action that adds it; ``standing``: options of
     `World.spawn`. The action raises `InputError` if the world refuses the body."""
-    if not isinstance(what, PreparedRobot):
-        return partial(world.spawn, name, what, mass, state, **standing)
+    world, align = session.world, bool(standing["align"])
+    if isinstance(what, PreparedRobot):
+        add: Callable[[BodyState], None] = partial(world.spawn_robot, name, what)
+        measured = world.stance_of_robot(name, what, state, align=align)
+    else:
+        add = partial(world.spawn, name, what, mass)
+        measured = session.stances.of(world, name, what, mass, state, align=align)
     if not standing["on_ground"]:
-        return partial(world.spawn_robot, name, what, state)
-    stance = yield from world.stance_of_robot(name, what, state, align=standing["align"])
-    return lambda: world.spawn_robot(name, what, stance.on(world.ground_at, standing["clearance"]))
+        return partial(add, state)
+    stance = yield from measured
+    return lambda: add(stance.on(world.ground_at, standing["clearance"]))
 
 
 class InitialBodies:
-    """Entries of ``bodies.spawn``, and entries added later. ``names``: of all entries, in the world or waiting.
-    ``starts``: where their bodies were spawned, robots by the frame of the base link. ``refused``: why a body could not
-    be spawned, by name."""
+    """Entries of ``bodies.spawn``, and entries added later. ``names``: bodies with which the scene begins, in the world
+    or not; those of a restored state may have no entry here. ``starts``: where they were spawned, robots by the frame
+    of the base link. ``refused``: why a body could not be spawned, by name."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self._entries: dict[str, Entry] = {}
+        self.names: set[str] = set()
         self.starts: dict[str, BodyState] = {}
         self.refused: dict[str, str] = {}
         self._waiting: list[str] = []
         self._standing: set[str] = set()  # bodies that are being put onto the ground
         for entry in entries_from(session.settings.spawn).values():
             self.add(entry)
-
-    @property
-    def names(self) -> set[str]:
-        """Names of the initial bodies."""
-        return set(self._entries)
 
     def add(self, entry: Entry) -> None:
         """Add an entry, or replace the entry of the same name, and spawn its body unless it must wait for terrain.
@@ -78,14 +79,14 @@ class InitialBodies:
         spawned = self._spawn(entry, finished(self._adding(entry)))
         if spawned and entry.xyz is not None and not self._session.world.terrain.empty:
             self._session.start_of(entry.name, BodyState(entry.xyz))
-        self._entries[entry.name] = entry
+        self.replace(entry)
         self._waiting = [name for name in self._waiting if name != entry.name]
         if not spawned:
             self._waiting.append(entry.name)
 
     def start_over(self, entries: Mapping[str, Entry]) -> None:
         """Have other entries, none of whose bodies is in the world; they are spawned by `on_terrain`."""
-        self._entries, self._waiting = dict(entries), [*entries]
+        self._entries, self.names, self._waiting = dict(entries), {*entries}, [*entries]
         self._standing.clear()
         self.starts.clear()
         self.refused.clear()
@@ -95,9 +96,13 @@ class InitialBodies:
         """Names of the bodies that wait for terrain, or are being put onto it."""
         return [*self._waiting, *sorted(self._standing)]
 
-    def take_restored(self, waiting: Collection[str]) -> None:
-        """Go on after the world was replaced by one for which some bodies were ``waiting``. Others that are not in it
-        were removed there."""
+    def take_restored(
+        self, waiting: Collection[str], names: Collection[str] | None, starts: Mapping[str, BodyState]
+    ) -> None:
+        """Go on after the world was replaced by one for which some bodies were ``waiting``, and which began with bodies
+        of these ``names`` and ``starts``; None: not known. Others that are not in it were removed there."""
+        if names is not None:
+            self.names, self.starts = {*names}, dict(starts)
         self._entries = {name: replace(entry) for name, entry in self._entries.items()}  # `_stand` gives up the others
         self._standing.clear()
         self._waiting = [name for name in self._entries if name in waiting and name not in self._session.world.bodies]
@@ -105,7 +110,7 @@ class InitialBodies:
 
     @property
     def placing(self) -> bool:
-        """True while robots are being put onto the ground."""
+        """True while bodies are being put onto the ground."""
         return bool(self._standing)
 
     def _adding(self, entry: Entry) -> Parts[Callable[[], None] | None]:
@@ -115,7 +120,7 @@ class InitialBodies:
         if what is None or (state := state_of(world, entry)) is None:
             return None
         standing = {"on_ground": entry.on_ground, "clearance": entry.clearance, "align": entry.align}
-        return (yield from adding(world, entry.name, what, entry.mass, state, **standing))
+        return (yield from adding(self._session, entry.name, what, entry.mass, state, **standing))
 
     def _spawn(self, entry: Entry, action: Callable[[], None] | None) -> bool:
         """Spawn the body of an entry by an action. Return False if there is none."""
@@ -127,6 +132,7 @@ class InitialBodies:
     def replace(self, entry: Entry) -> None:
         """Replace the entry of the same name without spawning: its body is in the world already, or waits."""
         self._entries[entry.name] = entry
+        self.names.add(entry.name)
 
     def on_terrain(self) -> None:
         """Spawn the bodies that waited for terrain."""
@@ -156,13 +162,18 @@ class InitialBodies:
         if not isinstance(error, InputError):
             self._waiting.append(name)
 
+    def knows(self, name: str) -> bool:
+        """Return True if there is an entry of this name, by which its body can be spawned again."""
+        return name in self._entries
+
     def has(self, name: str) -> bool:
         """Return True if a body is there, or will be."""
         return any(name in known for known in (self._session.world.bodies, self._waiting, self._standing))
 
     def restore(self, names: Collection[str] | None = None) -> None:
         """Spawn again the initial bodies that were removed, None = all, or those of some ``names``."""
-        chosen = [name for name in self._entries if names is None or name in names]
+        scene = [name for name in self._entries if name in self.names]
+        chosen = [name for name in scene if names is None or name in names]
         self._waiting += [name for name in chosen if not self.has(name)]
         self.on_terrain()
 
@@ -215,7 +226,7 @@ class RobotDescription:
         world = self._session.world
         entry = replace(self._entry, urdf=robot.given, robot=robot)
         if robot.given == self._urdf and self._bodies.has(entry.name):
-            if entry.name not in self._bodies.names:  # the robot of a restored state
+            if not self._bodies.knows(entry.name):  # the robot of a restored state
                 self._bodies.replace(entry)
             return
         known = world.bodies.get(entry.name)

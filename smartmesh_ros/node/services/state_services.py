@@ -12,6 +12,7 @@ import numpy as np
 from smartmesh_msgs.srv import RestoreState, SaveState, StartEpisode
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.soil.config import SoilType, soils_from
@@ -24,6 +25,8 @@ SUFFIX = ".npz"
 MOST_NAMED = 5
 # Length of `Base.saved`.
 NUMBERS = 11
+# Numbers of a pose: position and quaternion.
+POSE = 7
 
 
 class StateServices:
@@ -42,9 +45,11 @@ class StateServices:
             raise InputError("state", f"{file} is there, and is no saved state; choose another name")
         initial, robot = self._node.initial, self._node.robot
         extra = {"frame_id": self._session.frame_id, "waiting": initial.waiting, "described": robot.described}
+        extra["names"] = sorted(initial.names)
+        extra["starts"] = {name: [*at.position, *at.orientation] for name, at in initial.starts.items()}
         extra["bases"] = {name: base.saved for name, base in self._session.bases.items()}
         data = self._session.world.save(file, extra=extra)
-        self._take(**extra)
+        self._take(**_checked(**extra))
         if file is None:
             response.state = array("B", data)
 
@@ -61,7 +66,7 @@ class StateServices:
         session.world.restore(state)
         self._take(**extra)
 
-    def _take(self, frame_id: str, waiting: list[str], described: bool, bases: dict[str, list[float]]) -> None:
+    def _take(self, frame_id: str, described: bool, bases: dict[str, list[float]], **initial: Any) -> None:
         """Go on from a restored world, and from what was saved with it."""
         self._session.frame_id = frame_id
         for name, base in self._session.bases.items():
@@ -70,15 +75,25 @@ class StateServices:
             else:
                 base.start_over()
         self._node.take_restored()
-        self._node.initial.take_restored(waiting)
+        self._node.initial.take_restored(**initial)
         self._node.robot.take_restored(described=described)
 
 
-def _checked(frame_id: str = "", waiting: Any = (), described: Any = False, bases: Any = ()) -> dict[str, Any]:
+def _checked(
+    frame_id: str = "",
+    waiting: Any = (),
+    described: Any = False,
+    bases: Any = (),
+    names: Any = None,
+    starts: Any = (),
+) -> dict[str, Any]:
     """Return what was saved with a state, of the types that it must have. Raises errors of Python."""
     numbers = {str(name): np.array(saved, np.float64).reshape(NUMBERS).tolist() for name, saved in dict(bases).items()}
+    poses = {str(name): np.array(pose, np.float64).reshape(POSE).tolist() for name, pose in dict(starts).items()}
     return {
         "frame_id": str(frame_id), "waiting": [*map(str, waiting)], "described": bool(described), "bases": numbers,
+        "names": None if names is None else [*map(str, names)],
+        "starts": {name: BodyState((x, y, z), (a, b, c, w)) for name, (x, y, z, a, b, c, w) in poses.items()},
     }  # fmt: skip
 
 

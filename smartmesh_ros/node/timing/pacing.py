@@ -116,8 +116,8 @@ class Pacer:
 
     ``lateness`` records the delay of each step. ``misses``, ``restarts``: numbers of missed deadlines and of restarts.
     ``follows_clock``: the clock is another simulator's. Its messages release steps in bursts, which miss no deadline
-    unless they are dropped, and it reads zero until its first message. ``paused``: the loop keeps its period without
-    deadlines.
+    unless they are dropped, and it reads zero until its first message. ``interval`` [s]: time from one of them to the
+    next, at most `MOST_JUMP`; 0 for other clocks. ``paused``: the loop keeps its period without deadlines.
 
     A step misses its deadline if it has not started by the next deadline. The ``policy`` decides what follows:
 
@@ -138,10 +138,12 @@ class Pacer:
         self.paused = False
         self.most_catch_up = MOST_CATCH_UP
         self.follows_clock = False
+        self.interval = 0.0
         self.lateness = Stopwatch(("lateness",))
         self._now = now
         self._timeline = Timeline()
-        self.deadline = now() + period
+        self._seen = now()
+        self.deadline = self._seen + period
         self._waits_for_clock = False
 
     @property
@@ -162,6 +164,9 @@ class Pacer:
         self.restarts += 1
         self._timeline.clear()
         self.deadline = now + self.period
+        self._seen = now
+        if not self.follows_clock:
+            self.interval = 0.0
         self._waits_for_clock = self.follows_clock and now == 0.0
 
     def pause(self, paused: bool) -> None:
@@ -173,7 +178,11 @@ class Pacer:
         """Return the time to the next deadline [s], negative after it."""
         if self._waits_for_clock and self._now() > 0.0:  # the first message of /clock: the wait for it is no delay
             self.restart()
-        left = self.deadline - self._now()
+        now = self._now()
+        if self.follows_clock and now > self._seen:
+            self.interval = min(now - self._seen, MOST_JUMP)
+        self._seen = now
+        left = self.deadline - now
         if left > self.period:  # the clock was set back, or the period became shorter
             self.deadline -= left - self.period
             return self.period

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 from smartmesh_ros.errors import InputError
 
 # A first stamp whose age on arrival [s] is within these limits is on this node's clock; any other comes from another
-# clock. A source of another clock changes to this node's clock if its stamps are at most half as old.
+# clock. Under simulated time stamps may be ahead by one more interval of ``/clock``, which messages of a tick may
+# overtake. A source of another clock changes to this node's clock if its stamps are at most half as old.
 OLDEST, NEWEST = 1.0, -0.05
 # The loop has stalled if stamps of another clock are more than this many times as far apart as their simulated times
 # [-]. That clock may be so much faster than this node's, as of a recording that is played fast.
@@ -64,10 +65,12 @@ class StampClock:
 
     Stamps on this node's clock are converted exactly. Stamps of another clock (of a simulator or a bag) keep their
     intervals, and their steady age is added, so that they hold on arrival. Messages without stamps get their time of
-    arrival. A source that changes to or from this node's clock starts anew.
+    arrival. A source that changes to or from this node's clock starts anew. ``interval``: returns
+    `Pacer.interval`.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, interval: Callable[[], float] = float) -> None:
+        self._interval = interval
         self._last: Placed | None = None  # with a stamp
         self._late: deque[float] = deque(maxlen=DELAYS_KEPT)
 
@@ -132,10 +135,11 @@ class StampClock:
 
     def _is_own(self, age: float) -> bool:
         """Return True if a stamp of this ``age`` [s] is on this node's clock."""
+        newest = NEWEST - self._interval()
         if self._last is None:
-            return NEWEST <= age <= OLDEST
+            return newest <= age <= OLDEST
         # A stamp between the last one of this node's clock and now is late, not of another clock.
-        return age >= NEWEST and (self._last.own or age <= 0.5 * OLDEST)
+        return age >= newest and (self._last.own or age <= 0.5 * OLDEST)
 
     def _delays(self, age: float, own: bool) -> tuple[float, float]:
         """Return the steady age of the stamps after one of this ``age``, as measured and as in use [s]."""

@@ -76,6 +76,8 @@ def test_the_node_does_the_same(domain: int, replay: Make, name: str) -> None:
             for arrival, topic, message in arrivals:
                 if arrival == step:
                     takes[topic](serialize_message(message))
+            while node.turn():
+                pass
             node.step(1)
             run.run((step + 1) / 240.0)
         theirs, ours = node.session.world, run.world
