@@ -18,6 +18,8 @@ from pathlib import Path
 from threading import Thread
 from typing import IO
 
+import psutil
+
 from smartmesh_ros.startup import executables
 from smartmesh_ros.startup.executables import STDERR, STDOUT
 from smartmesh_ros.tools.testing.process import start_command
@@ -97,3 +99,11 @@ def _end_with_tests() -> None:
     assert tests is not None
     tests.join()
     os._exit(1)
+
+
+def has_ended(process: int) -> bool:
+    """Whether a process, by its id, has ended; its parent may not have asked for its exit code yet."""
+    try:
+        return bool(psutil.Process(process).status() == psutil.STATUS_ZOMBIE)
+    except psutil.NoSuchProcess:
+        return True

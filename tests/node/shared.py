@@ -13,7 +13,6 @@ from time import monotonic, sleep
 from typing import Any
 
 import numpy as np
-import psutil
 import pytest
 import rclpy
 import yaml
@@ -295,11 +294,3 @@ def wait_until(condition: Callable[[], object]) -> None:
     while not condition():
         assert monotonic() < end
         sleep(0.02)
-
-
-def has_ended(process: int) -> bool:
-    """Whether a process, by its id, has ended; its parent may not have asked for its exit code yet."""
-    try:
-        return bool(psutil.Process(process).status() == psutil.STATUS_ZOMBIE)
-    except psutil.NoSuchProcess:
-        return True

@@ -19,8 +19,9 @@ from smartmesh_msgs.srv import QueryGround
 from smartmesh_ros.node.running import run
 from smartmesh_ros.node.timing.pacing import Pacer
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, assert_cannot_start, executable
-from tests.node.shared import has_ended, wait_until
+from tests.node.shared import wait_until
 from tests.node.test_faults import on_map
+from tests.preloaded import has_ended
 
 pytestmark = pytest.mark.usefixtures("executables")
 

@@ -15,7 +15,8 @@ from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process
 from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
 from smartmesh_ros.tools.testing.process import start_command
 from tests import preloaded
-from tests.node.shared import has_ended, show_map, wait_until
+from tests.node.shared import show_map, wait_until
+from tests.preloaded import has_ended
 
 ROOT = Path(__file__).parents[2]
 STARTS_A_NODE = """

@@ -1,49 +1,29 @@
-"""What the page is made of, without a browser: knobs from descriptions, colours, clicks, and the terrain's messages."""
+"""What the page is made of, without a browser: knobs from descriptions, charts of timings, and looks of bodies."""
 
-import asyncio
 import colorsys
 import itertools
 import math
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from nav_msgs.msg import Odometry
-from rclpy.serialization import serialize_message
-from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate, StageTiming, Timing
+from smartmesh_msgs.msg import BodyDescription, StageTiming, Timing
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.specifications import SPECS
-from smartmesh_ros.tools.client.patch import KINDS, Patch
-from smartmesh_ros.tools.testing import floats, heightmap_message, pose_message
+from smartmesh_ros.tools.client.patch import KINDS
 from tests.examples import examples
 
 pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")
 
-import trimesh
 
-from smartmesh_ros.tools.client.ground import Ground
-from smartmesh_ros.tools.client.sight import Pose, Sight
+from smartmesh_ros.tools.client.sight import Sight
 from smartmesh_ros.tools.view import looks
 from smartmesh_ros.tools.view.knobs import knob_of, nice_step, parameter_of, shown_value
 from smartmesh_ros.tools.view.looks import PatchLook, patch_look
-from smartmesh_ros.tools.view.page import Page, start_server, stop_server
 from smartmesh_ros.tools.view.panel import CUT, chart_data
-from smartmesh_ros.tools.view.robots import GAP, Robot
-from smartmesh_ros.tools.view.scene import Scene
-from smartmesh_ros.tools.view.terrain_scene import Depth, Give, Grip, TerrainScene, triangles_by_band
-
-
-@pytest.fixture
-def server() -> Iterator[Any]:
-    made = start_server("127.0.0.1", 0)
-    yield made
-    stop_server(made)
 
 
 def knobs() -> dict:
@@ -159,212 +139,3 @@ def test_arrows_are_longer_for_larger_forces_and_never_too_long(forces: list[flo
     assert lengths.max() == pytest.approx(0.7)
     assert (np.diff(lengths[np.argsort(forces)]) >= -1e-12).all()
     assert len(looks.arrows(contacts_of([math.nan, 0.0, 5.0]), 1.0)) == 1, "those without a force have none"
-
-
-def ground_of(heights: np.ndarray, **options: object) -> Ground:
-    ground = Ground()
-    ground.take("heightmap", serialize_message(heightmap_message(heights, **options)))
-    ground.apply_waiting()
-    return ground
-
-
-@given(yaw=st.floats(-3, 3), x=st.floats(-3, 3), y=st.floats(-3, 3), slope=st.floats(-1, 1))
-@examples(50)
-def test_a_click_meets_the_ground_that_is_seen_there(yaw: float, x: float, y: float, slope: float) -> None:
-    """On a plane, which triangles and rectangles of samples represent exactly."""
-    across = np.linspace(0.0, 20.0, 101)
-    cos, sin = 10.0 * math.cos(yaw), 10.0 * math.sin(yaw)
-    origin = (sin - cos, -sin - cos, 1.0)
-    ground = ground_of(np.tile(slope * across, (101, 1)), resolution=0.2, yaw=yaw, origin=origin)
-    target = np.array([x, y, ground.heights(np.array([[x, y]]))[0]])
-    eye = np.array([1.0, -30.0, 60.0])
-    [distance, beside] = ground.distances(np.stack([eye, eye]), np.stack([target - eye, [0.0, 0.0, 1.0]]))
-    assert distance == pytest.approx(np.linalg.norm(target - eye), abs=1e-3)
-    assert np.isinf(beside)
-
-
-def test_a_click_meets_the_nearest_body_on_its_way() -> None:
-    ball = BodyDescription(shape=BodyDescription.SPHERE, dimensions=[0.5])
-    sight = Sight(
-        poses={name: Pose((x, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)) for name, x in (("far", 8.0), ("near", 4.0))},
-        appearances={"far": ball, "near": ball},
-    )
-    assert sight.hit(np.zeros(3), np.array([1.0, 0.0, 0.0])) == "near"
-    assert sight.hit(np.zeros(3), np.array([-1.0, 0.0, 0.0])) is None
-    assert sight.hit(np.array([0.0, 2.0, 0.0]), np.array([1.0, 0.0, 0.0])) is None
-
-
-def test_regions_are_written_into_the_map_and_a_new_map_replaces_them() -> None:
-    ground = ground_of(np.zeros((6, 8)))
-    region = HeightmapUpdate(x=2, y=1, width=3, height=2, heights=floats(np.ones((2, 3), np.float32)))
-    ground.take("heightmap_update", serialize_message(region))
-    ground.apply_waiting()
-    expected = np.zeros((6, 8))
-    expected[1:3, 2:5] = 1.0
-    assert np.array_equal(ground.tiles[""].heights, expected)
-    ground.take("heightmap_update", serialize_message(region))
-    ground.take("heightmap", serialize_message(heightmap_message(np.full((6, 8), 2.0))))
-    ground.apply_waiting()
-    assert (ground.tiles[""].heights == 2.0).all()
-    for spoilt in (b"", b"\0\1\0\0" + bytes(40), serialize_message(region)[:-4]):
-        ground.take("heightmap_update", spoilt)
-        ground.take("heightmap", spoilt)
-        ground.apply_waiting()
-    assert (ground.tiles[""].heights == 2.0).all(), "what makes no sense changes nothing"
-
-
-def test_every_triangle_that_sank_has_the_colour_of_its_deepest_corner() -> None:
-    sunk = np.array([0.0, 0.0009, 0.001, 0.004, 0.005, 0.02, 0.3, -1.0, np.nan])
-    triangles = np.array([*([0, 0, corner] for corner in range(len(sunk))), [6, 6, 8]])  # the last is beside a hole
-    found = {depth: chosen[:, 2].tolist() for depth, chosen in triangles_by_band(sunk, triangles, Depth)}
-    assert found == {Depth.SLIGHT: [2, 3], Depth.SHALLOW: [4], Depth.DEEP: [5], Depth.DEEPEST: [6]}
-
-
-@pytest.mark.parametrize("topic", ["heightmap_update", "pressed_ground"])
-def test_ruts_are_coloured_while_that_is_asked_for(server: Any, topic: str) -> None:
-    ground = ground_of(np.full((40, 40), 3.0), resolution=0.1)
-    drawn, scene = server.scene._handle_from_node_name, TerrainScene(server.scene, period=0.0)
-
-    def colours(*, sunk: bool) -> set[str]:
-        scene.show(ground, np.zeros((0, 3)), np.zeros(0), [], sunk=sunk)
-        return {name.rpartition("/")[2] for name in drawn if name.startswith("/sunk/")} & {d.name for d in Depth}
-
-    assert colours(sunk=True) == set()
-    rut = HeightmapUpdate(x=5, y=10, width=20, height=3, heights=floats(np.full(60, 2.98)))
-    ground.take(topic, serialize_message(rut))
-    ground.apply_waiting()
-    assert colours(sunk=True) == {"DEEP"}
-    mesh = drawn["/sunk/terrain/map/DEEP"]
-    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-    assert np.allclose([low[:2], high[:2]], [[0.4, 0.9], [2.5, 1.3]], atol=1e-5), "to the first samples beside it"
-    assert colours(sunk=False) == set()
-    ground.take("heightmap", serialize_message(heightmap_message(np.full((40, 40), 3.0), resolution=0.1)))
-    ground.apply_waiting()
-    assert colours(sunk=True) == set()
-
-
-def test_ground_of_another_material_than_usual_is_coloured_where_it_lies(server: Any) -> None:
-    """The ground of a map that scrolls keeps it; new ground is usual."""
-    ground = ground_of(np.zeros((40, 40)), resolution=0.1)
-    drawn, scene = server.scene._handle_from_node_name, TerrainScene(server.scene, period=0.0)
-
-    def coloured(x: float = 0.0, **material: Any) -> dict[str, tuple[float, float]]:
-        """Names of the colours, and from where to where along x [m]."""
-        message = heightmap_message(np.zeros((40, 40)), resolution=0.1, origin=(x, 0.0, 0.0), **material)
-        ground.take("heightmap", serialize_message(message))
-        ground.apply_waiting()
-        scene.show(ground, np.zeros((0, 3)), np.zeros(0), [])
-        bands = [*(("grip", band) for band in Grip), *(("give", band) for band in Give)]
-        names = {band.name: drawn.get(f"/{kind}/terrain/map/{band.name}") for kind, band in bands}
-        along = {name: mesh.vertices[:, 0] for name, mesh in names.items() if mesh is not None}
-        return {name: (pytest.approx(x.min(), abs=1e-5), pytest.approx(x.max(), abs=1e-5)) for name, x in along.items()}
-
-    friction = np.ones((40, 40))
-    friction[:, :10], friction[:, 20:] = 0.1, 1.5
-    assert coloured() == {}
-    assert coloured(friction=1.0) == {}
-    assert coloured(friction=friction) == {"ICE": (0.0, 1.0), "ROUGH": (1.9, 3.9)}
-    assert coloured() == {"ICE": (0.0, 1.0), "ROUGH": (1.9, 3.9)}
-    assert coloured(x=0.5) == {"ICE": (0.5, 1.0), "ROUGH": (1.9, 4.0)}
-    assert coloured(x=0.5, friction=0.5) == {"SLIPPERY": (0.5, 4.4)}
-    assert coloured(x=0.5, friction=np.nan) == {}
-    stiffness = np.full((40, 40), np.nan)
-    stiffness[:, :10] = 2e5
-    assert coloured(x=0.5, layers={"stiffness": stiffness}) == {"SOFT": (0.5, 1.5)}
-    assert coloured(x=0.5) == {"SOFT": (0.5, 1.5)}
-
-
-def test_no_ground_is_drawn_over_a_patch_that_has_moved_since_the_map(server: Any) -> None:
-    """Below it, at the same samples; the ground elsewhere stays."""
-    ground = ground_of(np.random.default_rng(0).normal(scale=0.1, size=(40, 40)), resolution=0.1)
-    drawn, scene = server.scene._handle_from_node_name, TerrainScene(server.scene, period=0.0)
-    tile, (r, c) = ground.tiles[""], np.divmod(np.arange(49), 7)
-    rows, columns = 20 + r - 3, 12 + c - 3
-    places = tile.geometry.to_world(rows, columns)
-    for rise in (-0.2, 0.0):
-        vertices = np.column_stack([places, tile.heights[rows, columns] + rise])
-        patch = Patch(
-            name="ball", kind="heightfield", tile="", row=20, column=12, stride=1, deviation=0.0, linear_w=np.zeros(3),
-            angular_w=np.zeros(3), vertices_w=vertices, triangles=np.zeros((0, 3), np.uint32),
-        )  # fmt: skip
-        scene.show(ground, np.array([[1.2, 2.0, 0.1]]), np.array([0.2]), [patch])
-        mesh = drawn["/terrain/map"]
-        found = {tuple(np.rint(10.0 * v[:2]).astype(int)): v[2] for v in np.asarray(mesh.vertices, float)}
-        for k in range(49):
-            assert found[(columns[k], rows[k])] == pytest.approx(vertices[k, 2], abs=1e-5)
-        assert found[(16, 20)] == pytest.approx(tile.heights[20, 16], abs=1e-5)
-
-
-def test_the_tiles_of_a_deck_are_drawn_and_clicked_where_its_odometry_says(server: Any) -> None:
-    ground, sight = ground_of(np.zeros((11, 11)), resolution=1.0), Sight()
-    ground.frames = sight.bases
-    message = heightmap_message(np.zeros((5, 5)), resolution=0.5, origin=(-1.0, -1.0, 0.25), tile="ferry/roof")
-    ground.take("heightmap", serialize_message(message))
-    ground.apply_waiting()
-    scene, drawn = TerrainScene(server.scene, period=0.0), server.scene._handle_from_node_name
-    eye, down = np.array([[4.0, 5.0, 9.0]]), np.array([[0.0, 0.0, -1.0]])
-    for height in (2.0, 3.0):
-        place = Odometry(child_frame_id="ferry")
-        place.pose.pose = pose_message((4.0, 5.0, height), yaw=0.3)
-        sight.take("odometry", serialize_message(place))
-        scene.show(ground, np.array([[4.0, 5.0, height]]), np.array([0.2]), [])
-        frame, mesh = drawn["/decks/ferry"], drawn["/decks/ferry/terrain/ferry/roof"]
-        assert frame.position == pytest.approx([4.0, 5.0, height])
-        assert frame.wxyz == pytest.approx([math.cos(0.15), 0.0, 0.0, math.sin(0.15)])
-        corners = np.asarray(mesh.vertices, float)
-        assert (corners.min(axis=0), corners.max(axis=0)) == (
-            pytest.approx([-1.0, -1.0, 0.25]),
-            pytest.approx([1.0, 1.0, 0.25]),
-        )
-        assert ground.distances(eye, down) == pytest.approx(9.0 - height - 0.25)
-    assert set(drawn) >= {"/terrain/map"}
-    assert "/terrain/ferry/roof" not in drawn
-
-
-URDF = '<robot name="r"><link name="b"><visual><geometry><box size="1 1 0.4"/></geometry></visual></link></robot>'
-
-
-@pytest.mark.parametrize("mesh", ["box.stl", "missing.stl", "package://nowhere/missing.stl"])
-def test_a_robot_is_drawn_by_its_meshes_and_else_by_its_collision_shapes(
-    server: Any, tmp_path: Path, mesh: str
-) -> None:
-    trimesh.creation.box((1.0, 1.0, 0.8)).export(tmp_path / "box.stl")
-    urdf = (
-        f'<robot name="r"><link name="b"><visual><geometry><mesh filename="{mesh}"/></geometry></visual>'
-        '<collision><geometry><box size="1 1 0.4"/></geometry></collision></link></robot>'
-    )
-    robot = Robot(server, "rover", BodyDescription(urdf=urdf, urdf_file=str(tmp_path / "robot.urdf")))
-    robot.show(Sight(bases={"b": Pose((0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0))}))
-    assert robot.readable
-    height = 0.4 if mesh == "box.stl" else 0.2
-    assert server.scene._handle_from_node_name["/labels/rover"].position[2] == pytest.approx(1.0 + height + GAP)
-
-
-def test_each_of_two_robots_is_where_its_own_frame_is(server: Any) -> None:
-    """The first has short names, the other prefixed ones."""
-    places = {"one": (3.0, 4.0), "two": (-1.0, 2.0)}
-    poses = {name: Pose((*place, 1.0), (1.0, 0.0, 0.0, 0.0)) for name, place in places.items()}
-    appearances = {name: BodyDescription(shape=BodyDescription.ROBOT, urdf=URDF) for name in places}
-    sight = Sight(poses=poses, appearances=appearances, bases={"b": poses["one"], "two/b": poses["two"]})
-    (scene := Scene(server)).show(Ground(), sight)
-    labels = server.scene._handle_from_node_name
-    for name, place in places.items():
-        label = labels[f"/labels/{name}"]
-        assert label.text == name and label.visible
-        assert np.allclose(label.position[:2], place) and label.position[2] > 1.2, "above it"
-    scene.show(Ground(), Sight())
-    assert "/labels/one" not in labels
-
-
-def test_a_page_is_refreshed_by_the_thread_that_sends_it(server: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From another thread, viser now and then failed with "deque mutated during iteration"."""
-    loops: list[Any] = []
-    page = Page.__new__(Page)
-    page._server = server
-
-    async def refresh(_: Page) -> None:
-        loops.append(asyncio.get_running_loop())
-
-    monkeypatch.setattr(Page, "_refresh", refresh)
-    page.refresh()
-    assert loops == [server.get_event_loop()]
