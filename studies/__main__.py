@@ -8,8 +8,8 @@ from importlib import import_module
 
 # Module of each study by its name, and the function that runs it; `main` unless another is named.
 STUDIES = {
-    "accuracy": "accuracy", "bench": "bench.study", "contacts": "pictures:draw_contacts", "docs-check": "pages",
-    "fleet": "fleet.study", "friction": "pictures:draw_friction", "laws": "laws.study", "lidar": "pictures:draw_lidar",
+    "accuracy": "accuracy", "bench": "bench.study", "contacts": "contact_picture", "docs-check": "pages",
+    "fleet": "fleet.study", "friction": "friction_picture", "laws": "laws.study", "lidar": "lidar_picture",
     "load": "load.study", "records": "records.study", "replay": "replay_speed", "rising": "rising_picture",
     "robots": "robots.study", "rover": "soil.rut_pictures:drive_rover", "soil": "soil.study",
     "tracks": "soil.rut_pictures:drive_tracks", "soak": "load.soak", "tuning": "tuning",

@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 
 from smartmesh_ros import HeightMap
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
-from studies.load.driver import Case, groups, run_case
+from studies.load.cases import Case, groups
+from studies.load.driver import run_case
 from studies.pages import digest_of, fill, table
 from studies.running import read_results, save_results, short
 

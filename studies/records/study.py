@@ -13,8 +13,10 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from studies.chart import PLAIN
 from studies.pages import ROOT, fill
-from studies.records.motion import ENTRANTS, OURS, cells_table, touchdown_table
+from studies.records.cells import cells_table
+from studies.records.entrants import ENTRANTS, OURS
 from studies.records.tax import engine_table, world_table
+from studies.records.touchdown import touchdown_table
 from studies.running import describe, measured_on, save_results, say
 
 PAGE, RESULTS, PICTURE = (ROOT / "docs" / name for name in ("records.md", "records.json", "images/records.png"))

@@ -16,7 +16,7 @@ import pybullet as pb
 from smartmesh_ros import BodyState, Box, HeightMap, PhysicsConfig, Sphere, World, WorldConfig
 from studies.engines.engine import EngineBody, Setup
 from studies.pages import number, table
-from studies.records.motion import RATE, enter, entrants
+from studies.records.entrants import RATE, enter, entrants
 from studies.robots.robot import HUSKY
 
 MAP_RATE = 60  # [Hz]

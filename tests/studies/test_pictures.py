@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from smartmesh_ros.terrain.grid import FloatArray
-from studies import pictures
+from studies.friction_picture import BODY, GRAVITY, GROUND, ways
 from studies.matrix.run import draw_box
-from studies.pictures import BODY, GRAVITY, GROUND
 from studies.rising_picture import WAYS, grid, height, simulated
 
 README = (Path(__file__).parents[2] / "README.md").read_text()
@@ -37,7 +36,7 @@ def test_the_ground_rises_as_fast_as_the_readme_says() -> None:
 
 
 def test_each_way_is_short_by_half_of_the_first_step() -> None:
-    for (kind, speed), places in pictures.ways().items():
+    for (kind, speed), places in ways().items():
         expected = speed**2 / (2.0 * GROUND[kind] * BODY * GRAVITY)
         assert places[-1, 0] == pytest.approx(expected - 0.5 * speed / 240.0, abs=1e-3), f"{kind} at {speed} m/s"
         assert places[-1, 0] == places[-100, 0], "it stands"

@@ -7,9 +7,11 @@ import math
 import pytest
 
 from studies.engines.engine import Setup
-from studies.records.motion import GRAVITY, OURS, RATE, enter, entrants, lowest, rebound, run, setup_of, speed_at_deck
+from studies.records.cells import GRAVITY, lowest, run, setup_of
+from studies.records.entrants import OURS, RATE, enter, entrants
 from studies.records.tax import BALL, BOX, Crowd
 from studies.records.tax import setup_of as crowd_on
+from studies.records.touchdown import rebound, speed_at_deck
 
 
 @pytest.mark.parametrize("case", ["still", "driving"])
