@@ -84,8 +84,9 @@ bool Seams::is_inside_plane(const Contact& contact) const {
 bool Seams::is_hidden_by(const PieceFacet& facet, const Vec3& inside, double deepest, const Contact& contact) const {
   const Vec3 &p = contact.point, &n = contact.normal, &origin = facet.corner[0];
   const Vec3 out = dot(facet.normal, inside - origin) < 0.0 ? -facet.normal : facet.normal;
-  // A point of a shape that comes along the facet is this much higher above it than the contact that lies ahead. The
-  // rim that it comes to is as far beside the contact.
+  // `ahead` [m]: way along the normal from the shape to a contact that it does not touch yet. `higher` [m]: how far the
+  // shape is above the contact, seen from the facet. A rim that the shape meets on this way is up to `beside` [m] from
+  // the contact.
   const double ahead = std::max(0.0, contact.distance), higher = ahead * dot(out, n);
   const double lift = std::clamp(-dot(out, p - origin), std::min(0.0, higher), std::max(deepest, higher));
   const Vec3 lifted = p + out * lift;
