@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
     """Return a hint that suggests the known word that is most similar, empty if none is similar."""
     similar = difflib.get_close_matches(word, [*known], n=1)
     return f"; did you mean {similar[0]!r}?" if similar else ""
+
+
+def listed(words: Sequence[str], most: int = 5, between: str = ", ") -> str:
+    """Return the first ``most`` words as text, and how many more there are."""
+    more = [f"and {len(words) - most} more"] if len(words) > most else []
+    return between.join([*words[:most], *more])
 
 
 class InputError(ValueError):

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, listed
 from smartmesh_ros.world.robots.description import is_text, named_file, read_description
 from smartmesh_ros.world.robots.quantities import check_quantities
 
@@ -59,11 +59,10 @@ def require_inside(path: Path, folders: Sequence[Path], what: str) -> Path:
     """Return the resolved path of a file or folder; raises `InputError` if it is in none of the allowed ``folders``."""
     resolved = _resolved(path)
     if not any(resolved.is_relative_to(_resolved(folder)) for folder in folders):
-        known = ", ".join(map(str, folders[:MOST_FOLDERS])) or "none"
-        more = f" and {len(folders) - MOST_FOLDERS} more" if len(folders) > MOST_FOLDERS else ""
+        known = listed([*map(str, folders)], MOST_FOLDERS) or "none"
         raise InputError(
             "folder", f"{what} is not in bodies.urdf_folders: add its folder there, which takes effect at once, or "
-            f"send the text instead of the path; allowed now: {known}{more}"
+            f"send the text instead of the path; allowed now: {known}"
         )  # fmt: skip
     return resolved
 

@@ -13,7 +13,7 @@ from builtin_interfaces.msg import Time
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, listed
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.endpoints import EndpointNames, OwnTopics
 from smartmesh_ros.node.inputs.checked_messages import message_from
@@ -39,8 +39,6 @@ SERVICES = QoSProfile(depth=2000)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # Errors that end a message or call, and leave the world as it was.
 REFUSED = (InputError, pb.error)
-# Most lost bodies that a line of the log names.
-MOST_NAMED = 5
 # Errors of a step or an output that the node outlives.
 FAILED = (pb.error, rclpy_implementation.RCLError)
 
@@ -287,8 +285,7 @@ class Session:
         if not lost:
             return
         self.refusals.counts["physics: lost"] += len(lost)
-        more = f"; and {len(lost) - MOST_NAMED} more" if len(lost) > MOST_NAMED else ""
-        self.node.get_logger().warning(f"{'; '.join(lost[:MOST_NAMED])}{more}; spawn again what is missed")
+        self.node.get_logger().warning(f"{listed(lost, between='; ')}; spawn again what is missed")
         self.lost |= self.world.lost
         self.world.lost.clear()
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from smartmesh_ros.errors import listed
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.limits import FARTHEST_BODY
 from smartmesh_ros.ground.state import Vector
@@ -47,11 +48,10 @@ class Falls:
             return []
         places = self._ground.contacts.states_of(np.array(slots))[:, :3]
         names = [f"{self._name(slot)!r} at {_text(place)}" for slot, place in zip(slots, places, strict=True)]
-        more = f" and {len(names) - self.config.most} more" if len(names) > self.config.most else ""
-        few, falls = ", ".join(names[: self.config.most]), "falls" if len(names) == 1 else "fall"
+        falls = "falls" if len(names) == 1 else "fall"
         return [
-            f"{few}{more} {falls}: there is no ground there. Publish some, or move the body back; one that is "
-            f"{self.config.depth:g} m below the ground that it left is removed"
+            f"{listed(names, self.config.most)} {falls}: there is no ground there. Publish some, or move the body "
+            f"back; one that is {self.config.depth:g} m below the ground that it left is removed"
         ]
 
     def _why(self, slot: int) -> str:

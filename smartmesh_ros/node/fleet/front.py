@@ -21,7 +21,7 @@ from smartmesh_msgs.msg import BodyFailure, BodySpecification, Timing, TrackedBo
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, listed
 from smartmesh_ros.node.fleet.calls import Calls, same_as, specification_of
 from smartmesh_ros.node.fleet.layout import FRONT, marker_namespace, node_names
 from smartmesh_ros.node.fleet.ledger import Duties, Entry, Ledger, LedgerConfig
@@ -45,8 +45,6 @@ SPECS = (
 )  # fmt: skip
 # Period of the checks of the nodes, and of publishing diagnostics and timing [s].
 CHECK_PERIOD, REPORT_PERIOD = 0.25, 1.0
-# Maximum number of body names in a log line.
-MOST_NAMED = 10
 
 
 class _Never(ReentrantCallbackGroup):
@@ -136,7 +134,7 @@ class Front(ParameterNode):
         for one in lost:
             self.ledger.answered(one.name, monotonic(), success=one.name in bodies)
         if bodies:
-            self.get_logger().info(f"spawned again on {node}: {_listed(list(bodies))}")
+            self.get_logger().info(f"spawned again on {node}: {_counted(list(bodies))}")
 
     def _log_changes(self, duties: Duties) -> None:
         config, log = self.ledger.config, self.get_logger()
@@ -145,13 +143,13 @@ class Front(ParameterNode):
         place = "elsewhere" if config.respawn == "elsewhere" else "when it is back"
         for node in duties.died:
             lost = duties.lost.get(node, [])
-            bodies = f"to be spawned again {place}: {_listed(lost)}" if lost else "it had no bodies"
+            bodies = f"to be spawned again {place}: {_counted(lost)}" if lost else "it had no bodies"
             log.error(f"{node} died: not heard for {config.timeout:g} s; {bodies}")
             # A dead node cannot delete its markers itself.
             gone = Marker(ns=marker_namespace(node), action=Marker.DELETEALL)
             self._patches.publish(MarkerArray(markers=[gone]))
         for node in duties.lost.keys() - set(duties.died):
-            log.error(f"{node} restarted without its bodies; to be spawned again: {_listed(duties.lost[node])}")
+            log.error(f"{node} restarted without its bodies; to be spawned again: {_counted(duties.lost[node])}")
 
     def _serve(self, kind: Any, name: str, act: Callable[[Any], Awaitable[dict[str, str]]], asked: Any) -> None:
         """Serve ``~/name`` by an act on what is ``asked`` of a request. The act returns reasons of refusals by body."""
@@ -240,10 +238,9 @@ class Front(ParameterNode):
         self._timings.clear()
 
 
-def _listed(names: Sequence[str]) -> str:
-    """Return the number of bodies and the first `MOST_NAMED` names."""
-    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-    return f"{len(names)} bodies ({', '.join(names[:MOST_NAMED])}{more})"
+def _counted(names: Sequence[str]) -> str:
+    """Return the number of bodies and the first names."""
+    return f"{len(names)} bodies ({listed(names)})"
 
 
 def merged_timing(timings: Mapping[str, Timing]) -> Timing:

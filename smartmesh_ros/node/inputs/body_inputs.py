@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import TrackedBodyArray
 from std_msgs.msg import Header
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, listed
 from smartmesh_ros.ground.limits import SIZES, require_between, require_possible
 from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.ground.state import BodyState
@@ -24,7 +24,7 @@ from smartmesh_ros.node.inputs.frames import Transform
 from smartmesh_ros.node.inputs.transform_input import FollowedFrames, TransformInput
 from smartmesh_ros.node.parameters.entries import topic_name
 from smartmesh_ros.node.refusals import LOG_PERIOD
-from smartmesh_ros.node.session import MOST_NAMED, Session, require_name
+from smartmesh_ros.node.session import Session, require_name
 from smartmesh_ros.node.timing.stamps import Placed, StampClock, stamp_seconds
 from smartmesh_ros.world.base import Base
 from smartmesh_ros.world.tracked_robot import TrackedPart, TrackedRobot
@@ -72,9 +72,8 @@ class BodyInputs:
         """Removes the tracked bodies without a pose for the time-out, and logs them."""
         session = self._session
         if gone := session.tracking.expire(session.clock.pace()):
-            more = f" and {len(gone) - MOST_NAMED} more" if len(gone) > MOST_NAMED else ""
-            names = ", ".join(map(repr, gone[:MOST_NAMED]))
-            words = f"no pose came within bodies.timeout = {session.settings.body_timeout:g} s: removed {names}{more}"
+            names = listed([*map(repr, gone)])
+            words = f"no pose came within bodies.timeout = {session.settings.body_timeout:g} s: removed {names}"
             session.node.get_logger().info(words, throttle_duration_sec=LOG_PERIOD)
 
     def _on_bodies(self, message: TrackedBodyArray) -> None:

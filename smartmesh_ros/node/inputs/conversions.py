@@ -13,13 +13,16 @@ from typing import Any, NamedTuple
 
 from shape_msgs.msg import SolidPrimitive
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, listed
 from smartmesh_ros.ground.quaternions import rotate
 from smartmesh_ros.ground.shapes import SHAPES, Shape, ShapeKind, Solid, shape_from, shape_of
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.world import World
+
+# Most joints that a refusal names.
+MOST_JOINTS = 20
 
 
 class BodyInput(NamedTuple):
@@ -203,11 +206,10 @@ def _joints(names: list[str], world: World, prefixes: Mapping[str, str]) -> list
             unknown.append(name)
     if unknown:
         there = [f"{robot}/{joint}" for robot, joints in robots.items() for joint in joints]
-        shown = ", ".join(there[:20]) + (f" and {len(there) - 20} more" if len(there) > 20 else "")
         raise InputError(
             "unknown_joint",
-            f"{len(unknown)} of {len(names)} joints are unknown: {', '.join(map(repr, unknown[:20]))}; "
-            f"there is {shown or 'no robot with joints'}",
+            f"{len(unknown)} of {len(names)} joints are unknown: {listed([*map(repr, unknown)], MOST_JOINTS)}; "
+            f"there is {listed(there, MOST_JOINTS) or 'no robot with joints'}",
         )
     if len(set(found)) < len(found):
         raise InputError("duplicate_id", "a joint is commanded twice in one message; name each once")

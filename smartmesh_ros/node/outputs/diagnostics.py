@@ -8,6 +8,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.qos import QoSProfile
 
+from smartmesh_ros.errors import listed
 from smartmesh_ros.node.endpoints import Namesakes, incompatible_peers, publishers_of, unheard_latched
 from smartmesh_ros.node.fleet.peers import PeerBodies
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing, ClockWatch
@@ -147,10 +148,10 @@ class Diagnostics:
             values["guests"] = remote
             values |= {f"peer {name}": words for name, words in peers.items()}
         if below:
-            return DiagnosticStatus.ERROR, f"below the ground: {', '.join(below[:5])}", values
+            return DiagnosticStatus.ERROR, f"below the ground: {listed(below)}", values
         if falling := world.falls.falling:
-            places = (f"{name} at ({x:.2f}, {y:.2f})" for name, (x, y, _) in [*falling.items()][:5])
-            return DiagnosticStatus.WARN, f"fell off the ground: {', '.join(places)}", values
+            places = [f"{name} at ({x:.2f}, {y:.2f})" for name, (x, y, _) in falling.items()]
+            return DiagnosticStatus.WARN, f"fell off the ground: {listed(places)}", values
         if silent := self._peers.silent():
             return DiagnosticStatus.WARN, f"not heard: {', '.join(silent)}", values
         return DiagnosticStatus.OK, f"{patches} patches", values

@@ -10,7 +10,7 @@ from typing import Any
 from smartmesh_msgs.msg import BodyFailure
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, listed
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.refusals import shortened
@@ -104,9 +104,8 @@ class BodyServices:
 def _require_all(failures: list[BodyFailure], count: int, outcome: str) -> None:
     """Raise `InputError` if some of ``count`` bodies are refused, and say what the ``outcome`` is."""
     if failures:
-        quoted = "; ".join(failure.reason for failure in failures[:QUOTED])
-        more = f"; and {len(failures) - QUOTED} more" if len(failures) > QUOTED else ""
-        raise InputError("batch", f"{len(failures)} of {count} bodies are refused, {outcome}: {quoted}{more}")
+        reasons = listed([failure.reason for failure in failures], QUOTED, between="; ")
+        raise InputError("batch", f"{len(failures)} of {count} bodies are refused, {outcome}: {reasons}")
 
 
 def _refuse(error: Exception) -> None:

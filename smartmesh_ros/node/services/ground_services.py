@@ -10,7 +10,7 @@ import numpy as np
 from smartmesh_msgs.srv import CastRays, QueryGround
 from std_msgs.msg import Header
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, listed
 from smartmesh_ros.ground.quaternions import rotate
 from smartmesh_ros.node.inputs.frames import IDENTITY, Transform
 from smartmesh_ros.node.inputs.transform_input import TransformInput
@@ -26,8 +26,6 @@ from smartmesh_ros.world.standing import NO_TERRAIN
 
 # Largest difference between the instant of a question and now [s].
 FARTHEST = 1.0
-# Most bodies that a refusal names.
-MOST_NAMED = 10
 # Tilt of a frame's z axis that counts as rounding [-].
 LEVEL = 1e-6
 
@@ -113,7 +111,7 @@ def _transform(session: Session, transforms: TransformInput, frame_id: str, stam
         return transforms.to_terrain(frame_id, stamp) or IDENTITY
     except InputError as error:
         names = [name for name in session.world.bodies if name]
-        there = f"the bodies are {', '.join(names[:MOST_NAMED])}" if names else "there are no bodies"
+        there = f"the bodies are {listed(names)}" if names else "there are no bodies"
         again = "" if listening or not transforms.listening else "; the node has just subscribed to /tf, so ask again"
         raise InputError("frame", f"no body is called {frame_id!r} ({there}), and as a frame: {error}{again}") from None
 

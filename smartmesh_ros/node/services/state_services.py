@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from smartmesh_msgs.srv import RestoreState, SaveState, StartEpisode
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, listed
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.session import Session
@@ -21,8 +21,6 @@ from smartmesh_ros.world.snapshot import WorldState
 
 # What the name of a file ends with, so that a call cannot overwrite others.
 SUFFIX = ".npz"
-# Differences of settings that a refusal names.
-MOST_NAMED = 5
 # Length of `Base.saved`.
 NUMBERS = 11
 # Numbers of a pose: position and quaternion.
@@ -115,7 +113,7 @@ def _require_same_settings(state: WorldState, settings: Settings) -> None:
     if settings.frame_id and frame and settings.frame_id != frame:
         found.append(f"frame_id ({frame!r} there, {settings.frame_id!r} here)")
     if found:
-        named = ", ".join(dict.fromkeys(found[:MOST_NAMED]))
+        named = listed([*dict.fromkeys(found)])
         raise InputError("parameter", f"the state was saved with other parameters: {named}; set them as there before")
 
 

@@ -19,7 +19,7 @@ from xml.etree import ElementTree
 
 import pybullet_data
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, listed
 
 # PyBullet also knows spherical joints, which URDF does not have.
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "planar", "spherical")
@@ -177,7 +177,7 @@ def _root(links: dict[str, ElementTree.Element], joints: tuple[Joint, ...]) -> s
         above[joint.child] = joint
     roots = [link for link in links if link not in above]
     if len(roots) > 1:
-        named = ", ".join(map(repr, roots[:5])) + (f" and {len(roots) - 5} more" if len(roots) > 5 else "")
+        named = listed([*map(repr, roots)])
         raise InputError(
             "urdf", f"{len(roots)} links have no parent: {named}; one link is the root, joints hold the others"
         )
