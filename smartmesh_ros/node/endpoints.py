@@ -17,7 +17,6 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.transport import Transport
 
-LATCHED = DurabilityPolicy.TRANSIENT_LOCAL
 # Name in the ROS graph of a node whose name has not arrived.
 UNKNOWN = "_NODE_NAME_UNKNOWN_"
 # Time without a name after which an endpoint counts as a program without ROS [s].
@@ -116,7 +115,8 @@ def unheard_latched(node: Transport, subscriptions: Iterable[Any]) -> str:
         ends = node.get_subscriptions_info_by_topic(topic)
         taken = [end.qos_profile.durability for end in ends if (end.node_name, end.node_namespace) == own]
         given = [end.qos_profile.durability for end in node.get_publishers_info_by_topic(topic)]
-        if LATCHED in given and taken and LATCHED not in taken:
+        latched = DurabilityPolicy.TRANSIENT_LOCAL
+        if latched in given and taken and latched not in taken:
             parameter = f"qos_overrides.{topic}.subscription.durability"
             return f"{topic} has a latched publisher; if that sent its map before, set {parameter} to transient_local"
     return ""
