@@ -130,9 +130,8 @@ class World(SavedWorld):
         for watcher in self.watchers:
             watcher.before_step()
         self._drive_all()
-        dt = self.dt
-        self.ground.step(self.time, dt)
-        self.time += dt
+        self.ground.step(self.time, self.dt)
+        self.time += self.dt
         for watcher in self.watchers:
             watcher.after_step()
         self.guests.note_contacts()
@@ -140,8 +139,7 @@ class World(SavedWorld):
     def skip(self, steps: int) -> None:
         """Advance the time by some steps without simulating them: the ground moves on, and bodies stay in place."""
         if steps > 0:
-            duration = steps * self.config.physics.dt
-            self.time += duration
+            self.time += steps * self.dt
 
     def patches(self) -> ShownPatches:
         """Return the patches of ground in reach of the bodies now, without those of remote bodies, which their owners
