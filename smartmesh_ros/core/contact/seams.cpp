@@ -95,19 +95,20 @@ bool Seams::is_hidden_by(const PieceFacet& facet, const Vec3& inside, double dee
   const bool is_against = std::any_of(std::begin(facet.corner), std::end(facet.corner),
                                       [&](const Vec3& corner) { return !is_below(n, lifted, corner, CONE_TOLERANCE); });
   if (!is_against) return false;
-  const PieceFacet *on = nullptr, *standing = nullptr;
+  bool is_on_piece = false;
+  const PieceFacet* standing = nullptr;
   for (const PieceFacet& own : facets_) {
     if (own.piece == facet.piece) continue;
     const bool is_touched = are_parallel(own.normal, n);
     if (!is_within(p, own.corner, own.normal, is_touched && ahead > 0.0 ? FLUSH + beside : ON)) continue;
-    on = &own;
+    is_on_piece = true;
     if (std::none_of(std::begin(own.corner), std::end(own.corner),
                      [&](const Vec3& corner) { return dot(out, corner - origin) > FLUSH; }))
       continue;
     if (is_touched || (standing != nullptr && !are_parallel(own.normal, standing->normal))) return false;
     standing = &own;
   }
-  return on != nullptr;
+  return is_on_piece;
 }
 
 }  // namespace smartmesh
