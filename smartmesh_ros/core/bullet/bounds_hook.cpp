@@ -3,14 +3,9 @@
 #include <BulletCollision/CollisionDispatch/btCollisionObject.h>
 #include <BulletDynamics/Dynamics/btDiscreteDynamicsWorld.h>
 
+#include "bullet/broadphase.h"
+
 namespace smartmesh {
-
-namespace {
-
-// Where the object is, far from everything [m].
-constexpr double FAR_AWAY = -1e6;
-
-}  // namespace
 
 void BoundsHook::enter(btDiscreteDynamicsWorld& world) {
   is_in_ = false;
@@ -23,7 +18,7 @@ void BoundsHook::enter(btDiscreteDynamicsWorld& world) {
 }
 
 void BoundsHook::getAabb(const btTransform&, btVector3& low, btVector3& high) const {
-  low = high = btVector3(0.0, 0.0, FAR_AWAY);
+  low = high = btVector3(0.0, 0.0, FAR_BELOW);
   if (is_in_) ask_();
 }
 

@@ -9,6 +9,7 @@
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 #include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
 
+#include "bullet/broadphase.h"
 #include "bullet/contact_points.h"
 #include "bullet/shape_parts.h"
 #include "contact/foundation.h"
@@ -18,8 +19,6 @@ namespace smartmesh {
 
 namespace {
 
-// Where proxies wait while the ground is far from their bodies [m]: far from everything.
-constexpr double FAR_AWAY = -1e6;
 // Bounds of a proxy are larger than the reach of its body by this share of their diagonal, so that Bullet needs to
 // renew them, and the pairs in them, once in several steps. Larger bounds have more pairs without contacts.
 constexpr double SLACK = 0.1;
@@ -37,7 +36,7 @@ double mass_of(const btCollisionObject& object) {
 // Bullet itself renews the bounds of awake objects only.
 void bound(btDiscreteDynamicsWorld& world, btRigidBody& ground, const Bounds* reach) {
   btBroadphaseProxy& bounds = *ground.getBroadphaseHandle();
-  Bounds wanted{{0.0, 0.0, FAR_AWAY}, {0.0, 0.0, FAR_AWAY}};
+  Bounds wanted{{0.0, 0.0, FAR_BELOW}, {0.0, 0.0, FAR_BELOW}};
   if (reach != nullptr) {
     const Bounds now{from_bullet(bounds.m_aabbMin), from_bullet(bounds.m_aabbMax)};
     const double slack = SLACK * norm(reach->high - reach->low);
