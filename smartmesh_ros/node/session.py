@@ -22,7 +22,6 @@ from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import LONGEST_NAME, MOST_BODIES, Settings
 from smartmesh_ros.node.refusals import Refusals, shortened
 from smartmesh_ros.node.services.files import FileWork
-from smartmesh_ros.node.services.shape_stances import ShapeStances
 from smartmesh_ros.node.services.turns import Line, Turns, Work
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer, stamp_of
 from smartmesh_ros.node.timing.stamps import Placed, StampClock
@@ -66,9 +65,9 @@ class Session:
     not. ``terrain_subscriptions``: subscriptions to terrain. ``topics``: the node's inputs and outputs. ``jumps``:
     number of jumps of tracked bodies, by topic. ``unstamped``: number of transforms without stamp, by topic.
     ``stamp_ages``: steady age of the stamps of each input on arrival [s], None = without stamps. ``names``: names of
-    the peer nodes. ``turns``: answers under way. ``standing``: bodies that are put onto the ground, one by one, by
-    ``stances``. ``files``: reads files and prepares robots. ``bases``: robots that drive, by name. ``lost``: why
-    bodies were removed, by name, until a reset.
+    the peer nodes. ``turns``: answers under way. ``standing``: bodies that are put onto the ground, one by one.
+    ``files``: reads files and prepares robots. ``bases``: robots that drive, by name. ``lost``: why bodies were
+    removed, by name, until a reset.
     """
 
     def __init__(self, node: Transport, settings: Settings, clock: Clock) -> None:
@@ -97,7 +96,7 @@ class Session:
         self.maps = 0
         self.map_warning = ""
         self.turns, self.standing = Turns(), Line()
-        self.files, self.stances = FileWork(), ShapeStances()
+        self.files = FileWork()
         self.lost: dict[str, str] = {}
 
     @property

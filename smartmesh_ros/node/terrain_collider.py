@@ -123,7 +123,6 @@ class Collider:
         if session := getattr(self, "session", None):  # ROS 2 Kilted destroys nodes that could not start, too
             session.turns.close()
             session.files.close()
-            session.stances.close()
             session.world.close()
 
     def pause(self, paused: bool) -> None:

@@ -135,11 +135,10 @@ def test_the_physics_steps_while_a_robot_is_prepared_and_put_onto_the_ground(sha
 
 
 def test_robots_of_a_burst_are_measured_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each of them takes a PyBullet of its own meanwhile, of 30 MB: hundreds at once would end the process."""
+    """In one PyBullet beside that of the world, of 30 MB: hundreds of them would end the process."""
     made: list[BulletClient] = []
 
     def client(*options: Any) -> BulletClient:
-        assert not any(other.isConnected() for other in made)
         made.append(BulletClient(*options))
         return made[-1]
 
@@ -150,7 +149,7 @@ def test_robots_of_a_burst_are_measured_one_by_one(monkeypatch: pytest.MonkeyPat
         node.give("heightmap", heightmap_message(np.zeros((100, 100))))
         while node.node.turn():
             pass
-        assert [*node.world.bodies] == names and len(made) == len(names)
+        assert [*node.world.bodies] == names and len(made) == 1
         assert not node.node.refusals.counts
 
 

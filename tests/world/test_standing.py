@@ -123,7 +123,7 @@ def test_without_terrain_it_is_refused() -> None:
         for spawn in (
             lambda: world.spawn("body", Sphere(0.1), 1.0, on_ground=True),
             lambda: world.spawn_robot("body", ROVER, on_ground=True, align=True),
-            lambda: finished(world.stance_of_robot("body", prepare_robot(ROVER), BodyState(), align=False)),
+            lambda: finished(world.stance_of("body", prepare_robot(ROVER), BodyState())),
         ):
             with pytest.raises(InputError, match="there is no terrain yet; ask again after the first map") as caught:
                 spawn()

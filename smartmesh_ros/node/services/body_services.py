@@ -49,7 +49,7 @@ class BodyServices:
         else:
             what = conversions.shape_of_primitive(body.shape)
         standing = {"on_ground": body.on_ground, "clearance": body.clearance, "align": body.align}
-        parts = adding(session, body.id, what, body.mass, state, **standing)
+        parts = adding(session.world, body.id, what, body.mass, state, **standing)
         add = await in_turns(parts, session.lock, session.standing)
 
         def action() -> str:

@@ -38,20 +38,17 @@ def state_of(world: World, entry: Entry) -> BodyState | None:
 
 
 def adding(
-    session: Session, name: str, what: Shape | PreparedRobot, mass: float, state: BodyState, **standing: Any
+    world: World, name: str, what: Shape | PreparedRobot, mass: float, state: BodyState, **standing: Any
 ) -> Parts[Callable[[], None]]:
     """Find in parts how a body, or a robot, is added, and return the action that adds it; ``standing``: options of
     `World.spawn`. The action raises `InputError` if the world refuses the body."""
-    world, align = session.world, bool(standing["align"])
     if isinstance(what, PreparedRobot):
         add: Callable[[BodyState], None] = partial(world.spawn_robot, name, what)
-        measured = world.stance_of_robot(name, what, state, align=align)
     else:
         add = partial(world.spawn, name, what, mass)
-        measured = session.stances.of(world, name, what, mass, state, align=align)
     if not standing["on_ground"]:
         return partial(add, state)
-    stance = yield from measured
+    stance = yield from world.stance_of(name, what, state, align=standing["align"])
     return lambda: add(stance.on(world.ground_at, standing["clearance"]))
 
 
@@ -120,7 +117,7 @@ class InitialBodies:
         if what is None or (state := state_of(world, entry)) is None:
             return None
         standing = {"on_ground": entry.on_ground, "clearance": entry.clearance, "align": entry.align}
-        return (yield from adding(self._session, entry.name, what, entry.mass, state, **standing))
+        return (yield from adding(world, entry.name, what, entry.mass, state, **standing))
 
     def _spawn(self, entry: Entry, action: Callable[[], None] | None) -> bool:
         """Spawn the body of an entry by an action. Return False if there is none."""
