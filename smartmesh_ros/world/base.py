@@ -4,7 +4,6 @@ what these do becomes odometry."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +31,24 @@ class BaseOdometry(NamedTuple):
     yaw: float
     linear: float
     side: float
+    angular: float
+
+
+class BaseMemory(NamedTuple):
+    """What a base goes on from: its command, ``linear`` and ``turn``, and what of it is driven ``now``, as of
+    `Base.drive`; how long a command ``lasts`` [s], and the ``end`` of this one, on the world's clock [s]; pose of the
+    axle, as of odometry [m, rad], and its measured velocities [m/s, rad/s]."""
+
+    linear: float
+    turn: float
+    linear_now: float
+    turn_now: float
+    lasts: float
+    end: float
+    x: float
+    y: float
+    yaw: float
+    speed: float
     angular: float
 
 
@@ -122,15 +139,16 @@ class Base:
         self._pose = x, y, yaw + angular * world.dt
 
     @property
-    def saved(self) -> list[float]:
-        """The command and the odometry, from which `take` goes on."""
-        return [*self._target, *self._now, self._lasts, self._end, *self._pose, *self._velocity]
+    def memory(self) -> BaseMemory:
+        """The command and the odometry, from which `recall` goes on."""
+        return BaseMemory(*self._target, *self._now, self._lasts, self._end, *self._pose, *self._velocity)
 
-    def take(self, saved: Sequence[float]) -> None:
-        """Go on at the world's time from what was ``saved`` of a base."""
-        v, turn, v_now, turn_now, lasts, end, x, y, yaw, linear, angular = saved
-        self._target, self._now, self._lasts, self._end, self._fresh = (v, turn), (v_now, turn_now), lasts, end, True
-        self._time, self._pose, self._velocity = self._world.time, (x, y, yaw), (linear, angular)
+    def recall(self, memory: BaseMemory) -> None:
+        """Go on at the world's time from the memory of a base."""
+        self._target, self._now = (memory.linear, memory.turn), (memory.linear_now, memory.turn_now)
+        self._lasts, self._end, self._fresh = memory.lasts, memory.end, True
+        self._time, self._pose = self._world.time, (memory.x, memory.y, memory.yaw)
+        self._velocity = memory.speed, memory.angular
 
     def start_over(self) -> None:
         """Forget all commands, and start the odometry anew."""

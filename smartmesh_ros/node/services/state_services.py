@@ -8,7 +8,6 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from smartmesh_msgs.srv import RestoreState, SaveState, StartEpisode
 
 from smartmesh_ros.errors import InputError, listed
@@ -17,14 +16,11 @@ from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.soil.config import SoilType, soils_from
 from smartmesh_ros.terrain import state_file
+from smartmesh_ros.world.base import BaseMemory
 from smartmesh_ros.world.snapshot import WorldState
 
 # What the name of a file ends with, so that a call cannot overwrite others.
 SUFFIX = ".npz"
-# Length of `Base.saved`.
-NUMBERS = 11
-# Numbers of a pose: position and quaternion.
-POSE = 7
 
 
 class StateServices:
@@ -45,7 +41,7 @@ class StateServices:
         extra = {"frame_id": self._session.frame_id, "waiting": initial.waiting, "described": robot.described}
         extra["names"] = sorted(initial.names)
         extra["starts"] = {name: [*at.position, *at.orientation] for name, at in initial.starts.items()}
-        extra["bases"] = {name: base.saved for name, base in self._session.bases.items()}
+        extra["bases"] = {name: [*base.memory] for name, base in self._session.bases.items()}
         data = self._session.world.save(file, extra=extra)
         self._take(**_checked(**extra))
         if file is None:
@@ -64,12 +60,12 @@ class StateServices:
         session.world.restore(state)
         self._take(**extra)
 
-    def _take(self, frame_id: str, described: bool, bases: dict[str, list[float]], **initial: Any) -> None:
+    def _take(self, frame_id: str, described: bool, bases: dict[str, BaseMemory], **initial: Any) -> None:
         """Go on from a restored world, and from what was saved with it."""
         self._session.frame_id = frame_id
         for name, base in self._session.bases.items():
             if name in bases:
-                base.take(bases[name])
+                base.recall(bases[name])
             else:
                 base.start_over()
         self._node.take_restored()
@@ -86,10 +82,10 @@ def _checked(
     starts: Any = (),
 ) -> dict[str, Any]:
     """Return what was saved with a state, of the types that it must have. Raises errors of Python."""
-    numbers = {str(name): np.array(saved, np.float64).reshape(NUMBERS).tolist() for name, saved in dict(bases).items()}
-    poses = {str(name): np.array(pose, np.float64).reshape(POSE).tolist() for name, pose in dict(starts).items()}
+    memories = {str(name): BaseMemory(*map(float, memory)) for name, memory in dict(bases).items()}
+    poses = {str(name): [*map(float, pose)] for name, pose in dict(starts).items()}
     return {
-        "frame_id": str(frame_id), "waiting": [*map(str, waiting)], "described": bool(described), "bases": numbers,
+        "frame_id": str(frame_id), "waiting": [*map(str, waiting)], "described": bool(described), "bases": memories,
         "names": None if names is None else [*map(str, names)],
         "starts": {name: BodyState((x, y, z), (a, b, c, w)) for name, (x, y, z, a, b, c, w) in poses.items()},
     }  # fmt: skip
