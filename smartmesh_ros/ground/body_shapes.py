@@ -9,7 +9,7 @@ import pybullet as pb
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.core.body_shape import BodyShape
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, listed
 from smartmesh_ros.ground.layout_probe import number_of
 from smartmesh_ros.ground.shapes import Solid
 
@@ -24,10 +24,6 @@ def read_shapes(client: Any, body: int) -> dict[int, BodyShape]:
     return found
 
 
-# Most bodies that a message lists.
-MOST_LISTED = 20
-
-
 def require_body(client: Any, body: int, link: int | None = None) -> None:
     """Raise `InputError`, which lists what there is, if PyBullet has no such body, or the body no such ``link`` (-1 =
     the base)."""
@@ -37,8 +33,7 @@ def require_body(client: Any, body: int, link: int | None = None) -> None:
         bodies = [client.getBodyUniqueId(place) for place in range(client.getNumBodies())]
         if body in bodies:
             raise  # PyBullet failed
-        known = ", ".join(map(str, bodies[:MOST_LISTED])) + (" ..." if len(bodies) > MOST_LISTED else "")
-        there = f"there is {known}" if bodies else "there is none yet"
+        there = f"there is {listed([*map(str, bodies)], 20)}" if bodies else "there is none yet"
         raise InputError(
             "unknown_body", f"PyBullet has no body {body!r}; pass the number that loadURDF or createMultiBody "
             f"returned: {there}"

@@ -21,9 +21,6 @@ from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.world import World
 
-# Most joints that a refusal names.
-MOST_JOINTS = 20
-
 
 class BodyInput(NamedTuple):
     """A tracked body: its name, state and bounding radius [m], 0 = the default. ``stated``: the state's velocity is
@@ -208,8 +205,8 @@ def _joints(names: list[str], world: World, prefixes: Mapping[str, str]) -> list
         there = [f"{robot}/{joint}" for robot, joints in robots.items() for joint in joints]
         raise InputError(
             "unknown_joint",
-            f"{len(unknown)} of {len(names)} joints are unknown: {listed([*map(repr, unknown)], MOST_JOINTS)}; "
-            f"there is {listed(there, MOST_JOINTS) or 'no robot with joints'}",
+            f"{len(unknown)} of {len(names)} joints are unknown: {listed([*map(repr, unknown)], 20)}; "
+            f"there is {listed(there, 20) or 'no robot with joints'}",
         )
     if len(set(found)) < len(found):
         raise InputError("duplicate_id", "a joint is commanded twice in one message; name each once")

@@ -7,7 +7,7 @@ from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, listed
 from smartmesh_ros.ground.quaternions import conjugate, product, rotate, slerp
 from smartmesh_ros.ground.state import BodyState, Quaternion, Vector
 from smartmesh_ros.terrain.deck import QUATERNION_SLACK
@@ -127,9 +127,8 @@ class FrameBuffer:
         up, down = self._way(source), self._way(target)
         shared = next((frame for frame in up if frame in down), None)
         if shared is None:
-            known = (
-                ", ".join(sorted({*self._edges, *(edge.parent for edge in self._edges.values())})[:20]) or "none yet"
-            )
+            frames = sorted({*self._edges, *(edge.parent for edge in self._edges.values())})
+            known = listed(frames, 20) or "none yet"
             raise InputError("frame", f"there is no transform from {source!r} to {target!r}; known frames: {known}")
         up, down = up[: up.index(shared)], down[: down.index(shared)]
         moving = [edge.stamps[-1] for child in up + down if (edge := self._edges[child]).stamps]
