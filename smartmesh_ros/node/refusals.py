@@ -7,7 +7,7 @@ from typing import Any
 
 from smartmesh_ros.errors import InputError
 
-# Time between two log lines of the same topic and reason [s].
+# Time between two log lines of the same cause [s].
 LOG_PERIOD = 5.0
 
 # Longest text to log or answer [characters], because an error may quote a peer's whole message.

@@ -30,6 +30,7 @@ from smartmesh_ros.node.outputs.diagnostics import task_status
 from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.settings import full_names
+from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.session import SERVICES
 
@@ -112,7 +113,7 @@ class Front(ParameterNode):
             try:
                 self.ledger.update_states(node, self._readers[node].read(data).bodies)
             except InputError as error:
-                self.get_logger().warning(f"{node}: {error}", throttle_duration_sec=5.0)
+                self.get_logger().warning(f"{node}: {error}", throttle_duration_sec=LOG_PERIOD)
         duties = self.ledger.check(monotonic())
         self._log_changes(duties)
         for node in duties.died:
@@ -127,7 +128,7 @@ class Front(ParameterNode):
         bodies = {one.name: specification_of(one) for one in lost}
         if refused := await self._calls.spawn(node, list(bodies.values())):
             reason = next(iter(refused.values()))
-            self.get_logger().warning(f"not spawned again yet: {reason}", throttle_duration_sec=5.0)
+            self.get_logger().warning(f"not spawned again yet: {reason}", throttle_duration_sec=LOG_PERIOD)
             bodies = {name: body for name, body in bodies.items() if name not in refused}
             if bodies and await self._calls.spawn(node, list(bodies.values())):
                 bodies = {}

@@ -19,8 +19,8 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 from smartmesh_ros.node.inputs.conversions import require_distinct
-from smartmesh_ros.node.parameters.settings import AUTO, LONGEST_NAME, MOST_BODIES
-from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.parameters.settings import AUTO, MOST_BODIES
+from smartmesh_ros.node.session import Session, require_name
 from smartmesh_ros.node.timing.stamps import StampClock, stamp_seconds
 from smartmesh_ros.world.state_table import StateTable
 
@@ -103,8 +103,7 @@ def _names_in(content: bytes, count: int) -> list[str]:
     if len(names) != count:  # C code would read a shorter name than this one
         raise InputError("empty_id", "a body's name has a zero byte in it")
     require_distinct(names)
-    if (longest := max(map(len, names), default=0)) > LONGEST_NAME:
-        raise InputError("size", f"a name of {longest} characters; at most {LONGEST_NAME} are possible")
+    require_name(max(names, key=len, default=""))
     return names
 
 

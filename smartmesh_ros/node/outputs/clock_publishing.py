@@ -7,11 +7,10 @@ from typing import Any
 from rosgraph_msgs.msg import Clock
 
 from smartmesh_ros.node.outputs.rhythm import Rhythm
+from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.session import Session
 
 TOPIC = "/clock"
-# Time between two log lines about another publisher [s].
-LOG_PERIOD = 5.0
 
 
 class ClockPublishing:

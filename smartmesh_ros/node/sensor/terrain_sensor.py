@@ -26,6 +26,7 @@ from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.node.outputs.cdr import doubles
 from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
+from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.sensor.range_sensors import DepthCamera, Lidar, RangeSensor
 from smartmesh_ros.terrain.grid import FloatArray
@@ -187,7 +188,7 @@ class TerrainSensor(ParameterNode):
             self._warn(words)
 
     def _warn(self, words: str) -> None:
-        self.get_logger().warning(words, throttle_duration_sec=5.0)
+        self.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)
 
 
 def cloud_message(header: Header, points: FloatArray) -> PointCloud2:

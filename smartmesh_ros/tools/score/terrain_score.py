@@ -25,6 +25,7 @@ from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.outputs.diagnostics import task_status
 from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
+from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.timing.stamps import stamp_seconds
 from smartmesh_ros.tools.score.scorer import Score, ScoreConfig, Scorer
@@ -82,7 +83,7 @@ class TerrainScore(ParameterNode):
             except InputError as error:
                 self._refused = f"{self.resolve_topic_name(topic)}: {error}"
                 self._refusals[f"{topic}: {error.reason}"] += 1
-                self.get_logger().warning(self._refused, throttle_duration_sec=5.0)
+                self.get_logger().warning(self._refused, throttle_duration_sec=LOG_PERIOD)
             for score in self.scorer.take():
                 self._note(score)
 
