@@ -29,7 +29,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.quaternions import conjugate, rotate
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.node.outputs.cdr import ArrayMessage, stamp_fields
+from smartmesh_ros.node.outputs.cdr import ArrayMessage, fields_of, stamp_fields
 from smartmesh_ros.node.services.files import urdf_text
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.contacts import GroundContact
@@ -63,17 +63,12 @@ def contact_array(message: ArrayMessage, header: Header, contacts: list[GroundCo
     return message.finish()
 
 
-_CONTACT_FIELDS = (
-    *(f"position.{axis}" for axis in "xyz"),
-    *(f"normal.{axis}" for axis in "xyz"),
-    "depth",
-    "normal_force",
-)
+_CONTACT_FIELDS = (*fields_of("position"), *fields_of("normal"), "depth", "normal_force")
 _STATE_FIELDS = (
-    *(f"pose.position.{axis}" for axis in "xyz"),
-    *(f"pose.orientation.{axis}" for axis in "xyzw"),
-    *(f"twist.linear.{axis}" for axis in "xyz"),
-    *(f"twist.angular.{axis}" for axis in "xyz"),
+    *fields_of("pose.position"),
+    *fields_of("pose.orientation", "xyzw"),
+    *fields_of("twist.linear"),
+    *fields_of("twist.angular"),
 )
 
 

@@ -203,6 +203,11 @@ class ArrayMessage:
         return b"".join([HEADER, self._buffer[: self._end].data])
 
 
+def fields_of(path: str, axes: str = "xyz") -> tuple[str, ...]:
+    """Return the paths of the numbers of a vector or, with the axes "xyzw", of a quaternion."""
+    return tuple(f"{path}.{axis}" for axis in axes)
+
+
 def stamp_fields(header: Header) -> dict[str, Any]:
     """Return the fields of a header's stamp."""
     return {"header.stamp.sec": header.stamp.sec, "header.stamp.nanosec": header.stamp.nanosec}

@@ -14,7 +14,7 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
 from smartmesh_ros.ground.shown_patches import PatchTable, ShownPatches
-from smartmesh_ros.node.outputs.cdr import ArrayMessage, stamp_fields, text_rows
+from smartmesh_ros.node.outputs.cdr import ArrayMessage, fields_of, stamp_fields, text_rows
 from smartmesh_ros.terrain.grid import IntArray
 
 
@@ -161,7 +161,7 @@ class ColliderPatches:
         self._message.add(key, make, len(texts), fields)
 
 
-_TWIST_FIELDS = tuple(f"surface_twist.{part}.{axis}" for part in ("linear", "angular") for axis in "xyz")
+_TWIST_FIELDS = (*fields_of("surface_twist.linear"), *fields_of("surface_twist.angular"))
 
 
 def _collider_patch(tile: str, is_mesh: bool, name: str, vertices: int, triangles: int) -> ColliderPatch:

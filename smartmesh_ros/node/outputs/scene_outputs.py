@@ -18,7 +18,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import BulletCalls
 from smartmesh_ros.ground.shapes import ShapeKind
 from smartmesh_ros.node.inputs.conversions import RobotNames
-from smartmesh_ros.node.outputs.cdr import ArrayMessage, stamp_fields
+from smartmesh_ros.node.outputs.cdr import ArrayMessage, fields_of, stamp_fields
 from smartmesh_ros.node.outputs.ground_view import GroundView, ground_points, window_around
 from smartmesh_ros.node.outputs.patch_outputs import deletion
 from smartmesh_ros.node.services.files import urdf_text
@@ -40,8 +40,7 @@ COLOURS: dict[ShapeKind, Colour] = {
 TRACKED, GROUND = (0.6, 0.6, 0.6, 0.5), (0.45, 0.5, 0.42, 1.0)
 # Markers of a body: a capsule is a cylinder and two balls.
 PER_BODY = 3
-_POSE = (*(f"pose.position.{axis}" for axis in "xyz"), *(f"pose.orientation.{axis}" for axis in "xyzw"))
-_SCALE = tuple(f"scale.{axis}" for axis in "xyz")
+_FIELDS = (*fields_of("pose.position"), *fields_of("pose.orientation", "xyzw"), *fields_of("scale"))
 
 
 class Drawn(NamedTuple):
@@ -83,7 +82,7 @@ class SceneMarkers:
         shown = np.concatenate([np.empty(0, np.int64), *(group.ids for group in groups)])
         for kind, colour, ids, poses, sizes in groups:
             fields: dict[str, Any] = {**stamp, "id": ids}
-            fields |= dict(zip((*_POSE, *_SCALE), np.concatenate([poses, sizes], axis=1).T, strict=True))
+            fields |= dict(zip(_FIELDS, np.concatenate([poses, sizes], axis=1).T, strict=True))
             make = partial(_marker, self._bodies, frame, TYPES[kind], colour)
             message.add((frame, kind, colour), make, len(ids), fields)
         gone = np.setdiff1d(self._shown, shown)

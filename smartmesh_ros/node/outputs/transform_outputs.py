@@ -13,7 +13,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.frames import IDENTITY, Transform
 from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.inputs.transform_input import TransformInput
-from smartmesh_ros.node.outputs.cdr import ArrayMessage, stamp_fields
+from smartmesh_ros.node.outputs.cdr import ArrayMessage, fields_of, stamp_fields
 from smartmesh_ros.node.outputs.motion_outputs import odometry_pose
 from smartmesh_ros.node.outputs.rhythm import Rhythm
 from smartmesh_ros.node.session import Session
@@ -23,10 +23,7 @@ from smartmesh_ros.world.link_frames import LinkFrames
 TOPIC, PARAMETER = "/tf", "publish.tf"
 # Time after subscribing in which frames of other nodes may not have arrived [s]; nothing is published before.
 LISTENING_TIME = 1.0
-_FIELDS = (
-    *(f"transform.translation.{axis}" for axis in "xyz"),
-    *(f"transform.rotation.{axis}" for axis in "xyzw"),
-)
+_FIELDS = (*fields_of("transform.translation"), *fields_of("transform.rotation", "xyzw"))
 
 
 class Frame(NamedTuple):
