@@ -31,28 +31,28 @@ class Falls:
         core = self._ground.contacts.core
         return {self._name(slot): core.last_ground(slot) for slot in core.find_falling()}
 
-    def check(self, time: float) -> tuple[list[str], dict[str, str]]:
+    def check(self, time: float) -> tuple[str, dict[str, str]]:
         """Look at all awake bodies at ``time`` [s], for falling ones if that is due. Returns a line about those that
-        began to fall, if any did, and, by name, why bodies are lost."""
+        began to fall, empty if none did, and, by name, why bodies are lost."""
         core, config = self._ground.contacts.core, self.config
         if nowhere := core.find_nowhere(FARTHEST_BODY):
-            return [], {self._name(slot): NOWHERE for slot in nowhere}
+            return "", {self._name(slot): NOWHERE for slot in nowhere}
         if 0.0 <= time - self.checked < config.period or self._ground.terrain.empty:
-            return [], {}
+            return "", {}
         self.checked = time
         begun, lost = core.check_falls(time, config.depth)
         return self._words(begun), {self._name(slot): self._why(slot) for slot in lost}
 
-    def _words(self, slots: list[int]) -> list[str]:
+    def _words(self, slots: list[int]) -> str:
         if not slots:
-            return []
+            return ""
         places = self._ground.contacts.states_of(np.array(slots))[:, :3]
         names = [f"{self._name(slot)!r} at {_text(place)}" for slot, place in zip(slots, places, strict=True)]
         falls = "falls" if len(names) == 1 else "fall"
-        return [
+        return (
             f"{listed(names, self.config.most)} {falls}: there is no ground there. Publish some, or move the body "
             f"back; one that is {self.config.depth:g} m below the ground that it left is removed"
-        ]
+        )
 
     def _why(self, slot: int) -> str:
         place = _text(self._ground.contacts.core.last_ground(slot))

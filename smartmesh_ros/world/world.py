@@ -180,8 +180,8 @@ class World(SavedWorld):
 
     def _drop_lost(self) -> None:
         """Remove lost bodies, and tell of those that begin to fall."""
-        lines, gone = self.falls.check(self.time)
-        for line in lines:
+        line, gone = self.falls.check(self.time)
+        if line:
             self.say(line)
         for name, why in gone.items():
             guest = self._is_guest(name)
