@@ -44,7 +44,7 @@ URDF_FLAGS = pb.URDF_USE_INERTIA_FROM_FILE | pb.URDF_USE_IMPLICIT_CYLINDER | pb.
 TOLD_SHARE, STIFF_SHARE = 0.5, 0.8
 
 
-class Surface(NamedTuple):
+class BodyMaterial(NamedTuple):
     """Friction and restitution of a body."""
 
     friction: float
@@ -74,7 +74,7 @@ class Body:
     notes: tuple[str, ...] = ()  # what its description was taken as, for the user
     warnings: tuple[str, ...] = ()  # what its author likely did not mean
     fixed: bool = False  # a robot whose base has no mass, so that physics does not move it
-    hull: Box | None = None  # of a robot: the box around its links at joint positions zero, relative to its base
+    box: Box | None = None  # of a robot: the box around its links at joint positions zero, relative to its base
     shapes: dict[int, BodyShape] = field(default_factory=dict)  # of a robot's links
     surfaces: Mapping[str, SurfaceDrive] = field(default_factory=dict)  # of a robot, that are driven
     starts: Mapping[str, float] = field(default_factory=dict)  # positions of joints that do not start at zero [rad, m]
@@ -89,7 +89,7 @@ class Body:
     @property
     def outline(self) -> Shape:
         """Shape that other nodes use for the body; of a robot its box."""
-        return self.shape.bounds if isinstance(self.shape, Hull) else self.shape or self.hull or Sphere(self.radius)
+        return self.shape.bounds if isinstance(self.shape, Hull) else self.shape or self.box or Sphere(self.radius)
 
     @property
     def is_robot(self) -> bool:
@@ -106,7 +106,9 @@ class BodyFactory:
         self.config = config
         self._shapes: dict[Solid, int] = {}
 
-    def simulated(self, name: str, shape: Shape, mass: float, state: BodyState, surface: Surface | None = None) -> Body:
+    def simulated(
+        self, name: str, shape: Shape, mass: float, state: BodyState, material: BodyMaterial | None = None
+    ) -> Body:
         """Create a body that moves by physics, with the configured friction and restitution or the given ones.
 
         It is a rigid body (PyBullet's maximal coordinates), because this is several times faster than a multibody
@@ -118,11 +120,11 @@ class BodyFactory:
             mass, self._shape(shape), basePosition=state.position, baseOrientation=state.orientation,
             useMaximalCoordinates=1,
         )  # fmt: skip
-        surface = surface or Surface(config.friction, config.restitution)
-        body = Body(name, uid, shape.bounding_radius, False, state, {}, {}, mass, shape, None, *surface)
+        material = material or BodyMaterial(config.friction, config.restitution)
+        body = Body(name, uid, shape.bounding_radius, False, state, {}, {}, mass, shape, None, *material)
         with undone(lambda: client.removeBody(uid)):
             client.changeDynamics(
-                uid, -1, lateralFriction=surface.friction, restitution=surface.restitution, linearDamping=0.0,
+                uid, -1, lateralFriction=material.friction, restitution=material.restitution, linearDamping=0.0,
                 angularDamping=0.0,
             )  # fmt: skip
             self._sharpen(uid, shape)
@@ -141,14 +143,14 @@ class BodyFactory:
             self.place(body, state)
         return body
 
-    def robot(self, name: str, robot: PreparedRobot, state: BodyState, surface: Surface | None = None) -> Body:
+    def robot(self, name: str, robot: PreparedRobot, state: BodyState, material: BodyMaterial | None = None) -> Body:
         """Load a robot, whose joints turn freely. Links without ``<contact>`` have the configured friction and
         restitution or the given ones. Raises `InputError`, and adds nothing, if the robot is refused."""
         uid = load_robot(self._client, robot, URDF_FLAGS)
         with undone(lambda: self._client.removeBody(uid)):
             body = self._robot(name, uid, robot)
             body.initial = state
-            body.friction, body.restitution = surface or Surface(self.config.friction, self.config.restitution)
+            body.friction, body.restitution = material or BodyMaterial(self.config.friction, self.config.restitution)
             self._set_contacts(body, robot.text)
             shares = self.damp(body)
             if less := [joint for joint, index in body.joints.items() if shares.get(index, 1.0) < TOLD_SHARE]:
@@ -156,7 +158,7 @@ class BodyFactory:
                 body.warnings = (*body.warnings, words)
             body.fixed = is_fixed(self._client, uid)
             self.place(body, BodyState())
-            body.hull = _box_around(*bounds_of(self._client, body))
+            body.box = _box_around(*bounds_of(self._client, body))
             self.place(body, state)
         return body
 

@@ -16,7 +16,7 @@ from smartmesh_ros.ground.shapes import Hull
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain import state_file
 from smartmesh_ros.terrain.terrain import Terrain
-from smartmesh_ros.world.bodies import Body, Surface
+from smartmesh_ros.world.bodies import Body, BodyMaterial
 from smartmesh_ros.world.driving import links_of
 from smartmesh_ros.world.falling import Falls
 from smartmesh_ros.world.joints import JointCommand
@@ -252,13 +252,13 @@ class SavedWorld(Population):
         """Add the bodies of a snapshot to a world without bodies, with its prepared robots."""
         self.time = float(snapshot.time)
         for body in snapshot.bodies:
-            surface = Surface(body.friction, body.restitution)
+            material = BodyMaterial(body.friction, body.restitution)
             if body.name in robots:
-                self._add(self._factory.robot(body.name, robots[body.name], body.state, surface))
+                self._add(self._factory.robot(body.name, robots[body.name], body.state, material))
             elif body.tracked:
                 self.track(body.name, body.shape or body.radius, body.state)
             elif body.shape is not None and not isinstance(body.shape, Hull):
-                self._add(self._factory.simulated(body.name, body.shape, body.mass, body.state, surface))
+                self._add(self._factory.simulated(body.name, body.shape, body.mass, body.state, material))
             new = self.bodies[body.name]
             new.initial = body.initial
             for joint, (position, velocity) in body.joints.items():

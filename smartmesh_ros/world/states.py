@@ -6,11 +6,10 @@ import numpy as np
 
 from smartmesh_ros.ground.bullet import BulletCalls
 from smartmesh_ros.ground.shapes import padded_dimensions
+from smartmesh_ros.ground.state import BODY_COLUMNS
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.state_table import StateTable
 from smartmesh_ros.world.world import World
-
-NOWHERE = np.empty((0, 13))
 
 
 class SimulatedStates:
@@ -49,4 +48,5 @@ def body_table(bodies: list[Body]) -> StateTable:
     dimensions = np.array([padded_dimensions(shape) for shape in shapes], np.float64).reshape(-1, 3)
     centres = np.array([shape.centre for shape in shapes], np.float64).reshape(-1, 3)
     kinds = np.array([shape.kind for shape in shapes], np.uint8)
-    return StateTable([body.name for body in bodies], NOWHERE, radii, kinds, dimensions, centres, masses)
+    names, nowhere = [body.name for body in bodies], np.empty((0, BODY_COLUMNS))
+    return StateTable(names, nowhere, radii, kinds, dimensions, centres, masses)

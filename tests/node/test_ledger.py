@@ -19,7 +19,7 @@ from smartmesh_msgs.srv import RemoveBodies, SpawnBodies
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.shapes import ShapeKind
 from smartmesh_ros.node.fleet.calls import Calls, specification_of
-from smartmesh_ros.node.fleet.ledger import Duties, Entry, LastState, Ledger, LedgerConfig
+from smartmesh_ros.node.fleet.ledger import Duties, FleetBody, LastState, Ledger, LedgerConfig
 from smartmesh_ros.world.state_table import StateTable
 
 NODES = ["a", "b", "c"]
@@ -86,7 +86,7 @@ def test_a_box_whose_middle_is_not_its_centre_of_mass_is_spawned_again_where_it_
     states.numbers[0, :7] = (1.0, 2.0, 3.0, *quarter_turn)
     states.kinds[0] = ShapeKind.BOX
     states.centres[0] = (0.5, 0.0, 0.25)
-    again = specification_of(Entry("robot", "/a", lost=LastState(states)))
+    again = specification_of(FleetBody("robot", "/a", lost=LastState(states)))
     position = again.pose.position
     assert (position.x, position.y, position.z) == pytest.approx((1.0, 2.5, 3.25))
 

@@ -242,7 +242,7 @@ def test_the_real_time_factor_is_of_the_time_that_the_loop_ran() -> None:
     session: Any = SimpleNamespace(
         world=SimpleNamespace(time=0.0), pacer=Pacer(1 / 240), clock=SimpleNamespace(steady=lambda: now)
     )
-    window = diagnostics.Window(session)
+    window = diagnostics.PaceWindow(session)
     now += 0.1
     assert window.read()[:2] == pytest.approx((0.1, 1.0)), "too short to tell"
     now, session.world.time = now + 0.9, 0.5

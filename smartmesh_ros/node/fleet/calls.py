@@ -11,7 +11,7 @@ from smartmesh_msgs.msg import BodySpecification
 from smartmesh_msgs.srv import RemoveBodies, SpawnBodies
 
 from smartmesh_ros.ground.quaternions import rotate
-from smartmesh_ros.node.fleet.ledger import Entry
+from smartmesh_ros.node.fleet.ledger import FleetBody
 from smartmesh_ros.node.inputs.conversions import primitive_of
 from smartmesh_ros.node.session import SERVICES
 
@@ -63,7 +63,7 @@ def same_as(request: Any) -> BodySpecification:
     )
 
 
-def specification_of(lost: Entry) -> BodySpecification:
+def specification_of(lost: FleetBody) -> BodySpecification:
     """Return the specification that spawns a lost body in its last state. The joints of a robot start at zero."""
     assert lost.lost is not None
     (states, row), known = lost.lost, lost.request

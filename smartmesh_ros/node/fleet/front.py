@@ -24,7 +24,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from smartmesh_ros.errors import InputError, listed
 from smartmesh_ros.node.fleet.calls import Calls, same_as, specification_of
 from smartmesh_ros.node.fleet.layout import FRONT, marker_namespace, node_names
-from smartmesh_ros.node.fleet.ledger import Duties, Entry, Ledger, LedgerConfig
+from smartmesh_ros.node.fleet.ledger import Duties, FleetBody, Ledger, LedgerConfig
 from smartmesh_ros.node.fleet.peers import NEWEST_QOS, PeerReader
 from smartmesh_ros.node.outputs.diagnostics import task_status
 from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
@@ -123,7 +123,7 @@ class Front(ParameterNode):
         for node, name in duties.remove:
             await self._calls.remove(node, [name])
 
-    async def _respawn(self, node: str, lost: list[Entry]) -> None:
+    async def _respawn(self, node: str, lost: list[FleetBody]) -> None:
         """Respawn lost bodies on a node. If the node refuses some, try once more with the others."""
         bodies = {one.name: specification_of(one) for one in lost}
         if refused := await self._calls.spawn(node, list(bodies.values())):

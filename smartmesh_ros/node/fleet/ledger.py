@@ -51,7 +51,7 @@ class Member:
 
 
 @dataclass(eq=False)
-class Entry:
+class FleetBody:
     """A body. ``node``: its node. ``request``: the request that spawned it; None if the front did not. ``spawn_time``
     [s]: infinite while a spawn call is open, minus infinity once its node has reported it. ``lost``: its last known
     state while it waits to be respawned, else None."""
@@ -75,7 +75,7 @@ class Duties(NamedTuple):
 
     died: list[str]
     joined: list[str]
-    spawn: list[Entry]
+    spawn: list[FleetBody]
     remove: list[tuple[str, str]]
     lost: dict[str, list[str]]
 
@@ -87,7 +87,7 @@ class Ledger:
     def __init__(self, nodes: Sequence[str], config: LedgerConfig | None = None) -> None:
         self.config = config or LedgerConfig()
         self.members = {node: Member() for node in nodes}
-        self.bodies: dict[str, Entry] = {}
+        self.bodies: dict[str, FleetBody] = {}
         self.respawned = 0
         self.connected: set[str] = set()
         self._checked = math.inf  # time of the last check [s]
@@ -114,7 +114,7 @@ class Ledger:
             node = self.bodies[name].node
             raise InputError("duplicate_id", f"there is a body {name!r} already, on {node}; choose another name")
         node = self._choose(x, y)
-        self.bodies[name] = Entry(name, node, request, spawn_time=math.inf)
+        self.bodies[name] = FleetBody(name, node, request, spawn_time=math.inf)
         return node
 
     def answered(self, name: str, time: float, *, success: bool) -> None:
@@ -163,7 +163,7 @@ class Ledger:
         duties.spawn.extend(entry for entry in self.bodies.values() if self._can_respawn(entry))
         return duties
 
-    def _look_for(self, entry: Entry, time: float, duties: Duties) -> None:
+    def _look_for(self, entry: FleetBody, time: float, duties: Duties) -> None:
         """Mark a body as lost, to be respawned, if its node died or restarted. Forget it if its node removed it, or
         died and neither the state nor the request is known."""
         member, died = self.members[entry.node], entry.node in duties.died
@@ -184,14 +184,14 @@ class Ledger:
         """Enter the bodies that a node reports, unless they are another node's."""
         member = self.members[node]
         for name in member.last:
-            entry = self.bodies.setdefault(name, Entry(name, node))
+            entry = self.bodies.setdefault(name, FleetBody(name, node))
             if entry.node != node and (entry.lost is None or entry.spawning):
                 duties.remove.append((node, name))
             elif not entry.spawning:  # also a lost body that came back
                 entry.node, entry.lost, entry.spawn_time = node, None, -math.inf
         member.before_silence = {}
 
-    def _can_respawn(self, entry: Entry) -> bool:
+    def _can_respawn(self, entry: FleetBody) -> bool:
         """Return True if a body is lost and a node can respawn it, which it is then assigned to."""
         if entry.lost is None or entry.spawning:
             return False

@@ -28,7 +28,7 @@ SLOW = 0.95
 MIN_WINDOW = 0.5
 
 
-class Window:
+class PaceWindow:
     """Measures time, real-time factor and missed deadlines between readings.
 
     The factor is 1 at first and after a restart of the loop. It is updated at most every `MIN_WINDOW`, because a few
@@ -65,7 +65,7 @@ class Diagnostics:
         self._world = session.world
         self._publisher = session.node.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
         self._clock_watch, self._namesakes = ClockWatch(session), Namesakes(session.node)
-        self._window, self._clock_window = Window(session), Window(session, session.clock.pace)
+        self._window, self._clock_window = PaceWindow(session), PaceWindow(session, session.clock.pace)
         self._due, self._connections_due = 0.0, 0.0
         self._connections: dict[str, int] = {}
         self._refused_before = 0

@@ -34,7 +34,7 @@ from smartmesh_ros.node.outputs import body_outputs, patch_outputs
 from smartmesh_ros.node.outputs.audience import Audience
 from smartmesh_ros.node.outputs.cdr import ArrayMessage, floats
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing
-from smartmesh_ros.node.outputs.diagnostics import Diagnostics, Window
+from smartmesh_ros.node.outputs.diagnostics import Diagnostics, PaceWindow
 from smartmesh_ros.node.outputs.grid_maps import grid_map_message
 from smartmesh_ros.node.outputs.latched import LatchedOutput
 from smartmesh_ros.node.outputs.motion_outputs import ImuOutput, OdometryOutput, deck_state, frame_of
@@ -138,7 +138,7 @@ class Publishing:
         for place, (name, output) in enumerate(self._outputs.items()):  # staggered, so that no step publishes all
             output.rhythm = Rhythm(place / (len(self._outputs) * max(settings.publish.of(name), 1.0)))
         self._handled = 0  # messages and calls at the last time
-        self._timing_window = Window(session)
+        self._timing_window = PaceWindow(session)
 
     def publish(self, *, now: bool = False, idle: bool = False) -> None:
         """Publishes every output that has subscribers and is due. ``now``: due or not. ``idle``: without a step, also

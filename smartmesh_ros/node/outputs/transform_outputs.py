@@ -26,7 +26,7 @@ LISTENING_TIME = 1.0
 _FIELDS = (*fields_of("transform.translation"), *fields_of("transform.rotation", "xyzw"))
 
 
-class Frame(NamedTuple):
+class OwnFrame(NamedTuple):
     """A frame and its pose in the frame ``parent``."""
 
     parent: str
@@ -86,7 +86,7 @@ class TransformOutputs:
             self._session.node.destroy_publisher(self._publisher)
             self._publisher = None
 
-    def _own_frames(self, terrain: str) -> list[Frame]:
+    def _own_frames(self, terrain: str) -> list[OwnFrame]:
         """Return the frames to publish, each child once."""
         taken = {terrain, *self._above(terrain)}
         left_out, frames = set(), []
@@ -109,7 +109,7 @@ class TransformOutputs:
         except InputError:  # a cycle of other nodes' frames
             return []
 
-    def _frames(self, terrain: str) -> Iterator[Frame]:
+    def _frames(self, terrain: str) -> Iterator[OwnFrame]:
         """Yield the frames of all simulated bodies: a body's, at its centre of mass, has its name; a robot's links have
         theirs, and the robot's name is a second name of its root link. A base with ``publish_tf`` has its odometry's
         frame in place of its root link's."""
@@ -122,22 +122,22 @@ class TransformOutputs:
             state = world.base_state(name)
             pose = Transform(state.position, state.orientation)
             if not body.is_robot:
-                yield Frame(terrain, name, pose)
+                yield OwnFrame(terrain, name, pose)
                 continue
             if name not in self._robots:
                 self._robots[name] = body, LinkFrames(world.client, body.uid)
             links = self._robots[name][1].read()
             names = [(prefixes[name] + link.name).strip("/") for link in links]
             if (odom := self._odom_frames.get(name)) is None:
-                yield Frame(terrain, names[0], pose)
+                yield OwnFrame(terrain, names[0], pose)
             else:  # its odometry publishes the root link's; REP 105
-                yield Frame(terrain, odom, pose.then(odometry_pose(self._session.bases[name]).inverse()))
+                yield OwnFrame(terrain, odom, pose.then(odometry_pose(self._session.bases[name]).inverse()))
             for link, child in zip(links[1:], names[1:], strict=True):
-                yield Frame(names[link.parent], child, Transform(link.translation, link.rotation))
+                yield OwnFrame(names[link.parent], child, Transform(link.translation, link.rotation))
             if name not in names:
-                yield Frame(names[0], name, IDENTITY)
+                yield OwnFrame(names[0], name, IDENTITY)
 
-    def _written(self, header: Header, frames: list[Frame]) -> bytes:
+    def _written(self, header: Header, frames: list[OwnFrame]) -> bytes:
         """Return the TFMessage."""
         message = self._message
         message.start("frames", self._kind)
