@@ -15,6 +15,7 @@ from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.limits import SIZES, require_between
 from smartmesh_ros.ground.state import Vector
+from smartmesh_ros.terrain.grid import FloatArray
 
 CENTRED: Vector = (0.0, 0.0, 0.0)
 
@@ -163,10 +164,7 @@ class Hull(_Shape):
     @property
     def bounds(self) -> Box:
         """The box around the vertices."""
-        low, high = np.min(self.vertices, axis=0), np.max(self.vertices, axis=0)
-        x, y, z = np.clip(high - low, *SIZES).tolist()
-        middle_x, middle_y, middle_z = (0.5 * (low + high)).tolist()
-        return Box(x, y, z, centre=(middle_x, middle_y, middle_z))
+        return box_around(np.min(self.vertices, axis=0), np.max(self.vertices, axis=0))
 
     def bullet(self) -> dict[str, Any]:
         """Arguments of ``createCollisionShape``."""
@@ -193,6 +191,13 @@ def shape_from(made: type[Shape], dimensions: Sequence[float]) -> Shape:
         raise InputError("shape", f"{name} needs {len(names)} dimensions [{order}], not {len(dimensions)}")
     sizes: dict[str, Any] = dict(zip(names, map(float, dimensions), strict=True))
     return made(**sizes)
+
+
+def box_around(low: FloatArray, high: FloatArray) -> Box:
+    """Return the box between two corners (3,) [m], within the possible sizes."""
+    edges = np.clip(high - low, *SIZES).tolist()
+    x, y, z = np.clip(0.5 * (low + high), -SIZES[1], SIZES[1]).tolist()
+    return Box(*edges, centre=(x, y, z))
 
 
 def padded_dimensions(shape: Shape) -> list[float]:

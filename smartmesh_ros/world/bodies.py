@@ -15,8 +15,8 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.body_shapes import link_name, read_shapes
 from smartmesh_ros.ground.bullet import is_fixed, undone
 from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.ground.limits import FASTEST_SPIN, MASSES, SIZES, require_between
-from smartmesh_ros.ground.shapes import Box, Cylinder, Hull, Shape, Solid, Sphere
+from smartmesh_ros.ground.limits import FASTEST_SPIN, MASSES, require_between
+from smartmesh_ros.ground.shapes import Box, Cylinder, Hull, Shape, Solid, Sphere, box_around
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.joints import JointCommand, command_joint
@@ -158,7 +158,7 @@ class BodyFactory:
                 body.warnings = (*body.warnings, words)
             body.fixed = is_fixed(self._client, uid)
             self.place(body, BodyState())
-            body.box = _box_around(*bounds_of(self._client, body))
+            body.box = box_around(*bounds_of(self._client, body))
             self.place(body, state)
         return body
 
@@ -246,10 +246,3 @@ def bounds_of(client: Any, body: Body) -> tuple[FloatArray, FloatArray]:
     """Return the lowest and highest corner (3,) [m] of the axis-aligned bounds of a body, of a robot with its links."""
     bounds = np.array([client.getAABB(body.uid, link) for link in (body.links or (-1,))])
     return bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
-
-
-def _box_around(low: FloatArray, high: FloatArray) -> Box:
-    """Return the box between two corners (3,) [m], within the possible sizes."""
-    edges = np.clip(high - low, *SIZES).tolist()
-    x, y, z = np.clip(0.5 * (low + high), -SIZES[1], SIZES[1]).tolist()
-    return Box(*edges, centre=(x, y, z))
