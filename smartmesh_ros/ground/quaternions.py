@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smartmesh_ros.ground.state import Quaternion, Vector
+from smartmesh_ros.terrain.grid import FloatArray
 
 # Angle between two quaternions below which the arc equals a straight line in double precision [rad].
 STRAIGHT = 1e-6
@@ -38,6 +38,13 @@ def rotate(q: Quaternion, v: Vector) -> Vector:
     return x, y, z
 
 
+def rotated(orientations: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Return vectors (..., 3) rotated by unit quaternions (..., 4), whose leading axes are broadcast."""
+    axis, w = orientations[..., :3], orientations[..., 3:]
+    twice = 2.0 * np.cross(axis, vectors)
+    return np.asarray(vectors + w * twice + np.cross(axis, twice))
+
+
 def rotation_vector(q: Quaternion) -> Vector:
     """The axis of a rotation by half a turn at most, as long as its angle [rad]."""
     x, y, z, w = q if q[3] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
@@ -62,7 +69,7 @@ def slerp(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
     return x / length, y / length, z / length, w / length
 
 
-def quaternion_of(rotation: NDArray[np.float64]) -> Quaternion:
+def quaternion_of(rotation: FloatArray) -> Quaternion:
     """Return the unit quaternion of a rotation (3, 3), by its largest number (Shepperd, 1978)."""
     r = rotation.tolist()
     trace = r[0][0] + r[1][1] + r[2][2]

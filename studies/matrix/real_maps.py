@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 
 from smartmesh_ros import BodyState, Box, Cylinder, JointCommand, MotionConfig, Sphere
+from smartmesh_ros.ground.quaternions import rotated
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.tools.evaluation.clearance import rotate
 from studies.matrix.arena import HUSKY, Arena, Method, own_row
 from studies.robots.robot import LAIKAGO
 
@@ -88,7 +88,7 @@ def correction(
         states = site.states(2.0)
         end = states[-1]
         rest = max(before.position[2], end.position[2])
-        up, now_up = rotate(np.array([before.orientation, end.orientation]), np.array([[0.0, 0.0, 1.0]]))[:, 0]
+        up, now_up = rotated(np.array([before.orientation, end.orientation]), np.array([0.0, 0.0, 1.0]))
         turned = math.acos(min(float(up @ now_up), 1.0)) - abs(turn)
         slid = math.dist(before.position[:2], end.position[:2])
         return {

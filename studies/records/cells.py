@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from smartmesh_ros import BodyState, Box, HeightMap, Sphere
+from smartmesh_ros.ground.quaternions import rotated
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.tools.evaluation.clearance import rotate
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from studies.engines.engine import Engine, EngineBody, Setup
 from studies.engines.smartmesh import SmartMesh
@@ -75,7 +75,7 @@ def lowest(kind: str, poses: FloatArray) -> FloatArray:
     shape, above = SHAPES[kind], (poses[:, :3] - (MIDDLE, MIDDLE, 0.0)) @ NORMAL
     if kind == "balls":
         return np.asarray(above - shape.radius)
-    edges = rotate(poses[:, 3:], np.diag([shape.x, shape.y, shape.z]))
+    edges = rotated(poses[:, None, 3:], np.diag([shape.x, shape.y, shape.z]))
     return np.asarray(above - 0.5 * np.abs(edges @ NORMAL).sum(axis=1))
 
 

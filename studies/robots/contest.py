@@ -16,8 +16,8 @@ import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import GridGeometry, InputError, PhysicsConfig
+from smartmesh_ros.ground.quaternions import rotated
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.tools.evaluation.clearance import rotate
 from smartmesh_ros.world.robots.meshes import obj_parts
 from studies.configurations import Configuration
 from studies.contest import FINE_RATE, Contest, Runner
@@ -84,7 +84,7 @@ def read_links(client: Any, uid: int, links: Sequence[int]) -> list[list[Part]]:
 def pose_of(position: Sequence[float], orientation: Sequence[float]) -> FloatArray:
     """Return a pose (4, 4) from a position [m] and a quaternion (x, y, z, w)."""
     found = np.eye(4)
-    found[:3, :3] = rotate(np.array([orientation], np.float64), np.eye(3))[0].T
+    found[:3, :3] = rotated(np.array(orientation, np.float64), np.eye(3)).T
     found[:3, 3] = position
     return found
 

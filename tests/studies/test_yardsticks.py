@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from smartmesh_ros import Box, Capsule, Cylinder, HeightMap
+from smartmesh_ros.ground.quaternions import rotated
 from smartmesh_ros.terrain.grid import GridGeometry
-from smartmesh_ros.tools.evaluation.clearance import clearances, rotate, skin
+from smartmesh_ros.tools.evaluation.clearance import clearances, skin
 from smartmesh_ros.tools.evaluation.distance import Surface, nearest
 from smartmesh_ros.tools.evaluation.measures import held_up, penetration
 from studies.matrix.still_ground import angles_between
@@ -61,7 +62,7 @@ def test_turned_shapes_reach_down_by_their_support_function(seed: int) -> None:
     rng = np.random.default_rng(seed)
     orientation = rng.normal(size=(1, 4))
     orientation /= np.linalg.norm(orientation)
-    down = rotate(orientation * (-1.0, -1.0, -1.0, 1.0), np.array([[0.0, 0.0, -1.0]]))[0, 0]
+    down = rotated(orientation * (-1.0, -1.0, -1.0, 1.0), np.array([0.0, 0.0, -1.0]))[0]
     ground = surface(np.zeros((50, 50)), 0.1)
     for shape, reach, slack in (
         (Box(0.5, 0.3, 0.2), float(np.abs(down) @ (0.25, 0.15, 0.1)), 1e-9),
@@ -87,7 +88,7 @@ def test_leaving_out_points_that_cannot_be_nearest_changes_nothing(seed: int, ro
     orientation /= np.linalg.norm(orientation)
     position = np.array([[0.0, 1.5, rng.uniform(-0.2, 0.6)]])
     box = Box(0.5, 0.3, 0.2)
-    every = nearest(ground, (position[:, None] + rotate(orientation, skin(box).points))[0], 1.0).distance
+    every = nearest(ground, (position[:, None] + rotated(orientation[:, None], skin(box).points))[0], 1.0).distance
     assert clearances(ground, box, position, orientation, reach=1.0)[0] == pytest.approx(every.min(), abs=1e-12)
 
 

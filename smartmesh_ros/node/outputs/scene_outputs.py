@@ -16,6 +16,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import BulletCalls
+from smartmesh_ros.ground.quaternions import rotated
 from smartmesh_ros.ground.shapes import ShapeKind
 from smartmesh_ros.node.inputs.conversions import RobotNames
 from smartmesh_ros.node.outputs.cdr import ArrayMessage, fields_of, stamp_fields
@@ -108,7 +109,7 @@ class SceneMarkers:
             ids = np.array([self._ids[name] for name in table.names], np.int64)
             drawn = np.array([name != first for name in table.names], np.bool_)
             poses = table.numbers[:, :7].copy()
-            poses[:, :3] += turned(poses[:, 3:], table.centres)
+            poses[:, :3] += rotated(poses[:, 3:], table.centres)
             for kind, colour in COLOURS.items():
                 rows = np.flatnonzero(drawn & (table.kinds == kind))
                 if len(rows):
@@ -145,17 +146,10 @@ def parts_of(
         height, width = dimensions[:, :1], 2.0 * dimensions[:, 1:2]
         yield Drawn(CYLINDER, colour, ids, poses, np.concatenate([width, width, height], axis=1))
         if kind == CAPSULE:
-            along = turned(poses[:, 3:], np.pad(0.5 * height, ((0, 0), (2, 0))))
+            along = rotated(poses[:, 3:], np.pad(0.5 * height, ((0, 0), (2, 0))))
             for place, side in enumerate((1.0, -1.0), 1):
                 ends = np.concatenate([poses[:, :3] + side * along, poses[:, 3:]], axis=1)
                 yield Drawn(BALL, colour, ids + place, ends, np.repeat(width, 3, axis=1))
-
-
-def turned(orientations: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Return vectors (n, 3) turned by unit quaternions (n, 4) (x, y, z, w)."""
-    axis, w = orientations[:, :3], orientations[:, 3:]
-    twice = 2.0 * np.cross(axis, vectors)
-    return np.asarray(vectors + w * twice + np.cross(axis, twice))
 
 
 def _marker(

@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from smartmesh_ros.ground.quaternions import rotated
 from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.distance import Surface, nearest
@@ -68,13 +69,6 @@ def _cylinder_points(cylinder: Cylinder) -> FloatArray:
     return np.unique(np.concatenate(side + caps).round(12), axis=0)
 
 
-def rotate(orientations: FloatArray, points: FloatArray) -> FloatArray:
-    """Return points (M, 3) rotated by each orientation (N, 4) (x, y, z, w); shape (N, M, 3)."""
-    axis, w = orientations[:, None, :3], orientations[:, None, 3:]
-    twice = 2.0 * np.cross(axis, points[None])
-    return np.asarray(points[None] + w * twice + np.cross(axis, twice))
-
-
 def clearances(
     surface: Surface, shape: Shape, positions: FloatArray, orientations: FloatArray, reach: float = 0.1
 ) -> FloatArray:
@@ -83,7 +77,7 @@ def clearances(
     ``positions``: (N, 3) [m]. ``orientations``: (N, 4). Distances are clamped to ``reach`` [m] from the skin's points.
     """
     sample = skin(shape)
-    points = positions[:, None] + rotate(orientations, sample.points)
+    points = positions[:, None] + rotated(orientations[:, None], sample.points)
     chosen = _lowest_points(surface, points)
     distance = np.full(points.shape[:2], np.inf)
     distance[chosen] = nearest(surface, points[chosen], sample.radius + reach).distance
