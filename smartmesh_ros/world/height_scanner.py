@@ -9,7 +9,7 @@ from dataclasses import replace
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.height_scan import HeightScan
-from smartmesh_ros.world.world import World
+from smartmesh_ros.world.world import ROUNDING, World
 
 
 class HeightScanner:
@@ -33,8 +33,7 @@ class HeightScanner:
     def take(self) -> FloatArray | None:
         """Return the newest values (n, k) that are known by now and were not returned before; None: there are none."""
         found = None
-        # A share of a step, because times are sums of rounded steps.
-        now = self._world.time - self._delay + 1e-3 * self._world.dt
+        now = self._world.time - self._delay + ROUNDING * self._world.dt
         while self._waiting and self._waiting[0][0] <= now:
             found = self._waiting.popleft()[1]
         return found

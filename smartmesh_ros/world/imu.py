@@ -23,8 +23,6 @@ LARGEST = 1e6
 RATES = (0.01, 10_000.0)
 # Readings that are kept until they are taken.
 MOST_KEPT = 10_000
-# Share of a step by which a reading may be early, because simulated times are sums of rounded steps.
-ROUNDING = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,7 +138,7 @@ class Imu:
         self._gained += rotate(halfway, (gained[0], gained[1], gained[2]))
         self._turned += rotate(halfway, turned)
         self._duration += dt
-        turn = math.floor((world.time + ROUNDING * dt) * self.config.rate)
+        turn = world.periods(self.config.rate)
         if turn != self._turn:
             self._turn = turn
             self._readings.append(self._reading(after))
@@ -188,7 +186,7 @@ class Imu:
 
     def _restart(self) -> None:
         """Begin as a new sensor."""
-        self._time, self._turn = -math.inf, math.floor(self._world.time * self.config.rate)
+        self._time, self._turn = -math.inf, self._world.periods(self.config.rate)
         self._random = np.random.default_rng(self.config.seed)
         self._biases = np.array([self.config.accelerometer_bias, self.config.gyroscope_bias], np.float64)
         self._before = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Self
@@ -27,7 +28,10 @@ from smartmesh_ros.world.link_frames import frame_pose
 from smartmesh_ros.world.saved_world import SavedWorld, StepWatcher
 from smartmesh_ros.world.settings import WorldConfig
 
-__all__ = ["World", "WorldConfig"]
+__all__ = ["ROUNDING", "World", "WorldConfig"]
+
+# Share of a step by which what has a rate may be early, because simulated times are sums of rounded steps.
+ROUNDING = 1e-3
 
 
 class World(SavedWorld):
@@ -143,6 +147,10 @@ class World(SavedWorld):
         """Advance the time by some steps without simulating them: the ground moves on, and bodies stay in place."""
         if steps > 0:
             self.time += steps * self.dt
+
+    def periods(self, rate: float) -> int:
+        """Return the number of periods of a ``rate`` [Hz] since time zero that are over."""
+        return math.floor((self.time + ROUNDING * self.dt) * rate)
 
     def patches(self) -> ShownPatches:
         """Return the patches of ground in reach of the bodies now, without those of remote bodies, which their owners

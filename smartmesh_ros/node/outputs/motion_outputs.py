@@ -18,7 +18,7 @@ from smartmesh_ros.node.inputs.frames import Transform
 from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.body_outputs import pose_message, quaternion_message, vector_message
-from smartmesh_ros.node.outputs.scan_outputs import Beat
+from smartmesh_ros.node.outputs.rhythm import Beat
 from smartmesh_ros.node.parameters.entries import OutputEntry
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.pacing import stamp_of

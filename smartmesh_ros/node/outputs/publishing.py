@@ -39,12 +39,13 @@ from smartmesh_ros.node.outputs.grid_maps import grid_map_message
 from smartmesh_ros.node.outputs.latched import LatchedOutput
 from smartmesh_ros.node.outputs.motion_outputs import ImuOutput, OdometryOutput, deck_state, frame_of
 from smartmesh_ros.node.outputs.rhythm import Rhythm
-from smartmesh_ros.node.outputs.scan_outputs import ROUNDING, GroundMapOutput, ScanOutput
+from smartmesh_ros.node.outputs.scan_outputs import GroundMapOutput, ScanOutput
 from smartmesh_ros.node.outputs.scene_outputs import SceneMarkers, robot_model, shown_robot
 from smartmesh_ros.node.outputs.transform_outputs import TransformOutputs
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.world.states import SimulatedStates
+from smartmesh_ros.world.world import ROUNDING
 
 # Outputs that show patches.
 PATCH_OUTPUTS = ("patches", "collider_patches")

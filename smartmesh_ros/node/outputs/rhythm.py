@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from smartmesh_ros.world.world import World
+
 
 class Rhythm:
     """The times at which one output is due. ``first``: the first of them [s]."""
@@ -18,3 +20,16 @@ class Rhythm:
             return False
         self._due = max(min(self._due, time) + period, time)
         return True
+
+
+class Beat:
+    """The steps of a world in which an output of a ``rate`` in simulated time [Hz] is due."""
+
+    def __init__(self, world: World, rate: float) -> None:
+        self._world, self._rate, self._turn = world, rate, -1
+
+    def is_due(self, *, now: bool) -> bool:
+        """Return True once for each period, and if it is to be ``now``."""
+        turn = self._world.periods(self._rate)
+        due, self._turn = now or turn != self._turn, turn
+        return due

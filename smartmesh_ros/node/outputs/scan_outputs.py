@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension, MultiArrayLayout
@@ -11,6 +9,7 @@ from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension, MultiAr
 from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.node.outputs.grid_maps import grid_map_message
+from smartmesh_ros.node.outputs.rhythm import Beat
 from smartmesh_ros.node.parameters.entries import OutputEntry
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.soil.soil import Soil
@@ -18,22 +17,6 @@ from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.terrain.height_scan import HeightScan
 from smartmesh_ros.world.height_scanner import HeightScanner
 from smartmesh_ros.world.world import World
-
-# Share of a step by which an output may be early, because simulated times are sums of rounded steps.
-ROUNDING = 1e-3
-
-
-class Beat:
-    """The steps of a world in which an output of a ``rate`` in simulated time [Hz] is due."""
-
-    def __init__(self, world: World, rate: float) -> None:
-        self._world, self._rate, self._turn = world, rate, -1
-
-    def is_due(self, *, now: bool) -> bool:
-        """Return True once for each period, and if it is to be ``now``."""
-        turn = math.floor((self._world.time + ROUNDING * self._world.dt) * self._rate)
-        due, self._turn = now or turn != self._turn, turn
-        return due
 
 
 class ScanOutput:
