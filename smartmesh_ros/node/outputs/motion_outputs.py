@@ -6,18 +6,16 @@ import array
 import math
 from typing import Any
 
-from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
-from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Imu as ImuMessage
 from std_msgs.msg import Header
 
 from smartmesh_ros.ground.quaternions import quaternion_of
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs.frames import Transform
-from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.body_outputs import pose_message, quaternion_message, vector_message
+from smartmesh_ros.node.outputs.broadcast import Broadcast, OwnFrame
 from smartmesh_ros.node.outputs.rhythm import Beat
 from smartmesh_ros.node.parameters.entries import OutputEntry
 from smartmesh_ros.node.session import Session
@@ -67,14 +65,10 @@ class OdometryOutput:
     from its frame to the root link. ``publisher``: of the odometry."""
 
     def __init__(self, session: Session, entry: OutputEntry, base: Base, transforms: TransformInput, qos: Any) -> None:
-        self._session, self._entry, self._base, self._transforms = session, entry, base, transforms
+        self._session, self._entry, self._base = session, entry, base
         self.publisher = session.publisher(Odometry, entry.topic, qos)
-        self._broadcast: Any = None
-        if entry.publish_tf:
-            self._kind = require_message("tf2_msgs", "TFMessage", "publish_tf of bases")
-            self._broadcast = session.node.create_publisher(self._kind, "/tf", 100)
+        self._broadcast = Broadcast(session, transforms, "publish_tf of bases") if entry.publish_tf else None
         self._beat = Beat(session.world, entry.rate)
-        self._stamp = (0, 0)
 
     def publish(self, *, now: bool) -> None:
         """Publish what is due, or ``now``."""
@@ -88,15 +82,8 @@ class OdometryOutput:
         pose, child = odometry_pose(self._base), frame_of(session, entry.body)
         if self.publisher.get_subscription_count():
             self.publisher.publish(self._message(header, child, pose))
-        stamp = header.stamp.sec, header.stamp.nanosec
-        if self._broadcast is not None and stamp != self._stamp:  # listeners warn of a frame that comes twice
-            self._stamp = stamp
-            made = TransformStamped(header=header, child_frame_id=child)
-            made.transform.translation = vector_message(pose.translation)
-            made.transform.rotation = quaternion_message(pose.rotation)
-            data = serialize_message(self._kind(transforms=[made]))
-            self._transforms.note_own(data)
-            self._broadcast.publish(data)
+        if self._broadcast is not None and self._broadcast.is_next(header):
+            self._broadcast.send(header, [OwnFrame(header.frame_id, child, pose)])
 
     def _message(self, header: Header, child: str, pose: Transform) -> Odometry:
         found, message = self._base.odometry, Odometry(header=header, child_frame_id=child)

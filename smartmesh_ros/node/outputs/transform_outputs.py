@@ -3,35 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
-from geometry_msgs.msg import TransformStamped
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.frames import IDENTITY, Transform
 from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.inputs.transform_input import TransformInput
-from smartmesh_ros.node.outputs.cdr import ArrayMessage, fields_of, stamp_fields
+from smartmesh_ros.node.outputs.broadcast import Broadcast, OwnFrame
 from smartmesh_ros.node.outputs.motion_outputs import odometry_pose
 from smartmesh_ros.node.outputs.rhythm import Rhythm
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.link_frames import LinkFrames
 
-TOPIC, PARAMETER = "/tf", "publish.tf"
+PARAMETER = "publish.tf"
 # Time after subscribing in which frames of other nodes may not have arrived [s]; nothing is published before.
 LISTENING_TIME = 1.0
-_FIELDS = (*fields_of("transform.translation"), *fields_of("transform.rotation", "xyzw"))
-
-
-class OwnFrame(NamedTuple):
-    """A frame and its pose in the frame ``parent``."""
-
-    parent: str
-    child: str
-    pose: Transform
 
 
 class TransformOutputs:
@@ -43,12 +32,10 @@ class TransformOutputs:
 
     def __init__(self, session: Session, transforms: TransformInput) -> None:
         self._session, self._transforms = session, transforms
-        self._message = ArrayMessage()
-        self._publisher: Any = None
-        self._kind: Any = None
+        self._broadcast: Broadcast | None = None
         self._robots: dict[str, tuple[Body, LinkFrames]] = {}
         self._left_out: set[str] = set()
-        self._rhythm, self._listened, self._stamp = Rhythm(), 0.0, (0, 0)
+        self._rhythm, self._listened = Rhythm(), 0.0
         self._odom_frames = {entry.body: entry.odom_frame for entry in session.settings.bases if entry.publish_tf}
         require_transforms(session.settings.publish.tf)
 
@@ -59,32 +46,23 @@ class TransformOutputs:
         if not rate:
             self._close()
             return
-        if self._publisher is None:
-            self._open(now)
+        if self._broadcast is None:
+            self._broadcast = Broadcast(session, self._transforms, PARAMETER)
+            self._transforms.listen(PARAMETER)
+            self._listened = now + LISTENING_TIME
         if now < self._listened or not session.frame_id or not self._rhythm.is_due(time, rate, now=at_once):
             return
         header = Header(stamp=session.stamp_now(), frame_id=session.frame_id)
-        stamp = header.stamp.sec, header.stamp.nanosec
-        if stamp == self._stamp:  # the clock stands still; listeners warn of a frame that comes twice at one time
+        if not self._broadcast.is_next(header):  # the clock stands still
             return
-        self._stamp = stamp
         with session.world.stopwatch.stage("publish"):
-            frames = self._own_frames(header.frame_id)
-            if frames:
-                data = self._written(header, frames)
-                self._transforms.note_own(data)
-                self._publisher.publish(data)
-
-    def _open(self, now: float) -> None:
-        self._kind = require_transforms(1.0)
-        self._publisher = self._session.node.create_publisher(self._kind, TOPIC, 100)
-        self._transforms.listen(PARAMETER)
-        self._listened = now + LISTENING_TIME
+            if frames := self._own_frames(header.frame_id):
+                self._broadcast.send(header, frames)
 
     def _close(self) -> None:
-        if self._publisher is not None:
-            self._session.node.destroy_publisher(self._publisher)
-            self._publisher = None
+        if self._broadcast is not None:
+            self._broadcast.close()
+            self._broadcast = None
 
     def _own_frames(self, terrain: str) -> list[OwnFrame]:
         """Return the frames to publish, each child once."""
@@ -136,21 +114,6 @@ class TransformOutputs:
                 yield OwnFrame(names[link.parent], child, Transform(link.translation, link.rotation))
             if name not in names:
                 yield OwnFrame(names[0], name, IDENTITY)
-
-    def _written(self, header: Header, frames: list[OwnFrame]) -> bytes:
-        """Return the TFMessage."""
-        message = self._message
-        message.start("frames", self._kind)
-        numbers = np.array([(*frame.pose.translation, *frame.pose.rotation) for frame in frames])
-        message.add_named(
-            lambda parent, child: TransformStamped(header=Header(frame_id=parent), child_frame_id=child),
-            {
-                "header.frame_id": [frame.parent for frame in frames],
-                "child_frame_id": [frame.child for frame in frames],
-            },
-            dict(zip(_FIELDS, numbers.T, strict=True)) | stamp_fields(header),
-        )
-        return message.finish()
 
 
 def require_transforms(rate: float) -> Any:
