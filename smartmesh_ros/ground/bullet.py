@@ -98,6 +98,16 @@ class BulletCalls:
         return np.array([*found[0], *found[1], *found[6], *found[7]])
 
 
+@contextmanager
+def own_client() -> Iterator[Any]:
+    """Give the block a client of its own, to try or measure something in."""
+    client = NumberedClient(pb.connect(pb.DIRECT))  # prints nothing, unlike a `BulletClient`
+    try:
+        yield client
+    finally:
+        client.disconnect()
+
+
 def is_fixed(client: Any, body: int) -> bool:
     """Return True if the base of a body has no mass, so that physics does not move it."""
     return float(client.getDynamicsInfo(body, -1)[0]) == 0.0

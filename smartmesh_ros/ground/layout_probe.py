@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.core.body_shape import BodyShape
-from smartmesh_ros.ground.bullet import BulletCalls, NumberedClient
+from smartmesh_ros.ground.bullet import BulletCalls, own_client
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -42,8 +42,7 @@ def number_of(client: Any) -> int:
 @cache
 def misread() -> str:
     """Return what the core finds or leaves elsewhere in Bullet's memory than PyBullet, empty if nothing."""
-    client = NumberedClient(pb.connect(pb.DIRECT))  # prints nothing, unlike a `BulletClient`
-    try:
+    with own_client() as client:
         number = number_of(client)
         if number < 0:
             return "the world"
@@ -55,8 +54,6 @@ def misread() -> str:
             except ValueError:  # the core does not find a body
                 return name
         return ""
-    finally:
-        client.disconnect()
 
 
 def _reads_bodies(client: Any, core: Any) -> bool:

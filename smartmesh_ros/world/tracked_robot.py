@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
-
-import pybullet as pb
-from pybullet_utils.bullet_client import BulletClient
+from typing import NamedTuple
 
 from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.bullet import own_client
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.quaternions import product, rotate
 from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Hull, ShapeKind, Solid, Sphere
@@ -47,8 +45,7 @@ class TrackedRobot:
     """
 
     def __init__(self, name: str, urdf: str) -> None:
-        client: Any = BulletClient(pb.DIRECT)
-        try:
+        with own_client() as client:
             body = BodyFactory(client, PhysicsConfig()).robot(name, prepare_robot(urdf), BodyState())
             self._frames = LinkFrames(client, body.uid)
             self._columns = dict(body.joints)
@@ -61,8 +58,6 @@ class TrackedRobot:
                     x, y, z = (a + b for a, b in zip(centre, rotate(turn, part.offset), strict=True))
                     placed = (x, y, z), product(turn, part.orientation)
                     self._parts.append(_Part(full, _solid(part), index + 1, *placed))
-        finally:
-            client.disconnect()
 
     @property
     def joints(self) -> list[str]:

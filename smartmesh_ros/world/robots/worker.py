@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import tempfile
 from contextlib import suppress
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pybullet as pb
-from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.bullet import own_client
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain.grid import FloatArray
@@ -40,28 +40,24 @@ def main(pipe: int) -> None:
                 robots.send(error)
 
 
-def make(robot: PreparedRobot) -> Any:
+def make(robot: PreparedRobot) -> dict[str, bytes]:
     """Return the mesh files of a robot, after a trial of them. Raises `InputError`."""
     parts = {mesh: _hulls(mesh) for mesh in robot.meshes}
     allowed = MOST_VERTICES // max(sum(len(parts[mesh]) for mesh in robot.meshes), 1)
     files = {mesh.name: _obj([fewer_vertices(hull, allowed) for hull in hulls]) for mesh, hulls in parts.items()}
-    client: Any = BulletClient(pb.DIRECT)
-    try:
+    with own_client() as client:
         factory = BodyFactory(client, PhysicsConfig())
-        factory.robot("robot", PreparedRobot(**{**vars(robot), "files": files}), BodyState())
+        factory.robot("robot", replace(robot, files=files), BodyState())
         for _ in range(STEPS):
             client.stepSimulation()
-        return files
-    finally:
-        client.disconnect()
+    return files
 
 
 def _hulls(mesh: Mesh) -> list[FloatArray]:
     """Return the vertices (n, 3) [m] of the convex hulls that PyBullet makes of a mesh's parts."""
-    client: Any = BulletClient(pb.DIRECT)
+    hulls = []
     try:
-        with tempfile.TemporaryDirectory() as folder:
-            hulls = []
+        with own_client() as client, tempfile.TemporaryDirectory() as folder:
             for number, points in enumerate(mesh_parts(mesh.path, mesh.scale)):
                 file = Path(folder) / f"{number}.obj"
                 file.write_bytes(_obj([points]))
@@ -69,11 +65,9 @@ def _hulls(mesh: Mesh) -> list[FloatArray]:
                 body = client.createMultiBody(1.0, shape)
                 count, vertices = client.getMeshData(body, -1)
                 hulls.append(np.array(vertices, np.float64) if count else points)
-            return hulls
     except pb.error as error:
         raise InputError("urdf", f"collision mesh {str(mesh.path)!r} has no convex hull: {error}") from None
-    finally:
-        client.disconnect()
+    return hulls
 
 
 def _obj(parts: list[FloatArray]) -> bytes:
