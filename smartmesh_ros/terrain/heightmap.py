@@ -16,9 +16,6 @@ from smartmesh_ros.terrain.motion import BLOCK, INSTANT
 from smartmesh_ros.terrain.moving_heights import MovingHeights
 from smartmesh_ros.terrain.prints import Prints
 
-# Distance outside the map at which a point still counts as on the edge [samples].
-EDGE = 1e-6
-
 
 class Samples(NamedTuple):
     """Ground at a set of samples: heights [m] (NaN = no ground) and vertical velocities [m/s], same shape."""
@@ -150,15 +147,6 @@ class HeightMap(MovingHeights):
         heights, velocities = np.empty(len(flat)), np.empty(len(flat))
         CORE.sample_grid(self.core_reader, flat, time, ahead, heights, velocities)
         return Samples(heights.reshape(indices.shape), velocities.reshape(indices.shape))
-
-    def beyond(self, xy_w: FloatArray) -> FloatArray:
-        """Return the distance of points (N, 2+) beyond the map's edge (N,) [m], zero or less inside.
-
-        Points on the edge count as inside, despite rounding.
-        """
-        grid = self.geometry.to_grid(xy_w)
-        over: FloatArray = np.maximum(-grid, grid - self.geometry.last).max(axis=1)
-        return (over - EDGE) * self.geometry.resolution
 
     def at(self, xy_w: ArrayLike, time: float) -> Samples:
         """Return the ground under points (N, 2) [m] at ``time`` [s], shapes (N,); NaN outside the map and in holes."""

@@ -101,11 +101,6 @@ class TriangleMesh(MovingGround):
         view.setflags(write=False)
         return view
 
-    @property
-    def coordinates(self) -> FloatArray:
-        """Positions at the last update, by coordinate (3, V) [m]."""
-        return self._now
-
     def move(
         self,
         vertices: ArrayLike,
@@ -145,12 +140,6 @@ class TriangleMesh(MovingGround):
         chosen = np.ascontiguousarray(indices, np.int64)
         CORE.sample_mesh(self.core_reader, chosen, time, ahead, positions, velocities)
         return MeshSamples(positions, velocities)
-
-    def beyond(self, xy_w: FloatArray) -> FloatArray:
-        """Return the distance of points (N, 2+) beyond the mesh's horizontal bounds (N,) [m], zero or less inside."""
-        low, high = self._now[:2].min(axis=1), self._now[:2].max(axis=1)
-        xy = xy_w[:, :2]
-        return np.asarray(np.maximum(low - xy, xy - high).max(axis=1))
 
     def at(self, xy_w: ArrayLike, time: float) -> Samples:
         """Return the highest ground at N points (N, 2) [m] at ``time`` [s]; NaN where there is no triangle."""

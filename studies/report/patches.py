@@ -193,7 +193,7 @@ class MeshPatches:
             if config.search == "best_first":
                 vertex = best_first_vertex(mesh, self._graph, position_w, self._nearest[slot])
             else:
-                vertex = brute_force_vertex(mesh.coordinates, position_w)
+                vertex = brute_force_vertex(mesh.vertices.T, position_w)
             self._nearest[slot] = vertex
             rings = config.rings or min(max(math.ceil(distance / self._edge + 0.5), 1), MOST_MESH_RINGS)
             topology = self._topology(vertex, rings)
@@ -250,8 +250,18 @@ class ChosenPatches:
         self.batches = []
         radii, slots = self._followers.radii, np.flatnonzero(self._followers.table["alive"])
         slots = slots[np.isfinite(states[slots]).all(axis=1)]
-        slots = slots[mesh.beyond(states[slots]) <= radii[slots]]
+        slots = slots[_beyond(mesh, states[slots]) <= radii[slots]]
         if slots.size and not self._config.whole:
             speeds = np.minimum(np.linalg.norm(states[slots, 7:10], axis=1), FASTEST)
             reach = radii[slots] + speeds * duration
             self.batches = list(self._patches.around(slots, states[slots], reach, time, duration))
+
+
+def _beyond(mesh: MainMesh, xy_w: FloatArray) -> FloatArray:
+    """Return the distance of points (N, 2+) [m] beyond the edge of a map, or the horizontal bounds of a mesh (N,) [m];
+    zero or less inside."""
+    if isinstance(mesh, HeightMap):
+        grid, resolution = mesh.geometry.to_grid(xy_w), mesh.geometry.resolution
+        return np.asarray(resolution * np.maximum(-grid, grid - mesh.geometry.last).max(axis=1))
+    low, high = mesh.vertices[:, :2].min(axis=0), mesh.vertices[:, :2].max(axis=0)
+    return np.asarray(np.maximum(low - xy_w[:, :2], xy_w[:, :2] - high).max(axis=1))

@@ -56,7 +56,7 @@ def best_first_vertex(mesh: TriangleMesh, graph: TriangleGraph, position_w: Floa
     The cost is proportional to the number of steps: one or two for a body that moves continuously, up to the width of
     the mesh for one that teleports.
     """
-    coordinates = mesh.coordinates
+    coordinates = mesh.vertices.T
     xs, ys = memoryview(coordinates[0]), memoryview(coordinates[1])
     x, y = float(position_w[0]), float(position_w[1])
     neighbours = graph.neighbours

@@ -90,9 +90,9 @@ def test_every_search_agrees_on_height_maps(seed: int, rows: int, columns: int, 
 
 def test_brute_force_is_three_dimensional_on_general_meshes() -> None:
     upright = TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 0, 10], [1, 0, 10]], [[0, 1, 2], [1, 3, 2]])
-    assert brute_force_vertex(upright.coordinates, np.array([0.1, 0.0, 9.0])) == 2
-    assert brute_force_vertex(upright.coordinates, np.array([0.1, 0.0, 1.0])) == 0
-    assert brute_force_vertex(upright.coordinates, np.array([0.5, 0.0, 0.0])) == 0  # the lower of equal ones
+    assert brute_force_vertex(upright.vertices.T, np.array([0.1, 0.0, 9.0])) == 2
+    assert brute_force_vertex(upright.vertices.T, np.array([0.1, 0.0, 1.0])) == 0
+    assert brute_force_vertex(upright.vertices.T, np.array([0.5, 0.0, 0.0])) == 0  # the lower of equal ones
 
 
 @settings(max_examples=40, deadline=None)
