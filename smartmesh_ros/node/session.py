@@ -24,7 +24,7 @@ from smartmesh_ros.node.refusals import Refusals, shortened
 from smartmesh_ros.node.services.files import FileWork
 from smartmesh_ros.node.services.turns import Line, Turns, Work
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer, stamp_of
-from smartmesh_ros.node.timing.stamps import Placed, StampClock
+from smartmesh_ros.node.timing.stamps import StampClock
 from smartmesh_ros.node.transport import Clock, Transport
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.world.base import Base
@@ -247,21 +247,6 @@ class Session:
         known = self.world.bodies.get(name)
         if known is not None and not known.tracked:
             raise InputError("duplicate_id", f"{name!r} is simulated; a tracked body needs another name")
-
-    def note_clock(self, source: str, placed: Placed) -> None:
-        """Log a line if the stamps of a source, of which this is the first, are not on this node's clock, once that
-        runs: maps may come before the first message of ``/clock``."""
-        waits = self.clock.simulated and self.clock.stamp_now() == 0.0
-        if waits or not placed.fresh or placed.own or placed.stamp is None:
-            return
-        age = self.clock_now() - placed.stamp
-        where = f"{age:.3f} s old" if age > 0.0 else f"{-age:.3f} s ahead of this node's clock"
-        words = f"{source}: stamps are {where}, so they count as those of another clock, which hold when they arrive"
-        if age > 0.0:
-            self.node.get_logger().info(words)
-        else:
-            cure = "synchronise the clocks" if self.clock.simulated else "set use_sim_time, or synchronise the clocks"
-            self.node.get_logger().warning(f"{words}; {cure}")
 
     def start_of(self, name: str, state: BodyState, *, on_ground: bool = False) -> str:
         """Return how a body that was added starts otherwise than asked, and log it; empty if it does not."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from functools import partial
 
 from geometry_msgs.msg import PoseArray, PoseStamped, Twist, TwistStamped
@@ -21,11 +21,12 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.conversions import BodyInput, joint_commands_from, tracked_joints_from
 from smartmesh_ros.node.inputs.frames import Transform
+from smartmesh_ros.node.inputs.source_clocks import SourceClocks
 from smartmesh_ros.node.inputs.transform_input import FollowedFrames, TransformInput
 from smartmesh_ros.node.parameters.entries import topic_name
 from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.session import Session, require_name
-from smartmesh_ros.node.timing.stamps import Placed, StampClock, stamp_seconds
+from smartmesh_ros.node.timing.stamps import Placed, stamp_seconds
 from smartmesh_ros.world.base import Base
 from smartmesh_ros.world.tracked_robot import TrackedPart, TrackedRobot
 
@@ -39,7 +40,7 @@ class BodyInputs:
 
     def __init__(self, session: Session, transforms: TransformInput) -> None:
         self._session, self.transforms = session, transforms
-        self._clocks: dict[str, StampClock] = {}
+        self._clocks = SourceClocks(session)
         self._pose_array_names: set[str] = set()
         shapes = session.settings.shapes
         self._solids = {entry.body: entry.solid for entry in shapes if entry.solid is not None}
@@ -64,7 +65,7 @@ class BodyInputs:
 
     def forget_stamps(self) -> None:
         """Accepts any stamps from now on, after a reset."""
-        self._clocks.clear()
+        self._clocks.forget()
         self._frames.forget()
         self.transforms.buffer.clear()
 
@@ -97,7 +98,7 @@ class BodyInputs:
         session = self._session
         stamp = stamp_seconds(header.stamp)
         transform = self.transforms.to_terrain(header.frame_id, stamp)
-        with self._placed(topic, topic, stamp) as placed:
+        with self._placed(topic, stamp) as placed:
             session.require_room(body.name for body in bodies)
             states = [body.state if transform is None else transform.apply(body.state) for body in bodies]
             radii = [body.radius or session.settings.default_radius for body in bodies]
@@ -118,8 +119,8 @@ class BodyInputs:
                 "that follows it would overlap the simulated one"
             )  # fmt: skip
         if restarted:
-            self._clocks.pop(source, None)
-        with self._placed(SOURCE, source, stamp) as placed:
+            self._clocks.forget(source)
+        with self._placed(source, stamp) as placed:
             self._set(SOURCE, BodyInput(name, BodyState(*pose), session.settings.default_radius), placed.time)
 
     def _set(self, topic: str, body: BodyInput, time: float) -> None:
@@ -144,17 +145,9 @@ class BodyInputs:
             return parts
         return [part._replace(state=BodyState(part.state.position, part.state.orientation)) for part in parts]
 
-    @contextmanager
-    def _placed(self, topic: str, source: str, stamp: float | None) -> Iterator[Placed]:
-        """Yields a stamp [s] of a source in the loop's time; records it as accepted unless the block raises
-        `InputError`."""
-        session = self._session
-        clock = self._clocks.setdefault(source, session.stamp_clock())
-        placed = clock.place(stamp, session.clock_now(), lambda age: session.clock.pace() - age)
-        yield placed
-        session.note_clock(source, placed)
-        clock.accept(placed)
-        session.stamp_ages[topic] = clock.age
+    def _placed(self, source: str, stamp: float | None) -> AbstractContextManager[Placed]:
+        """Give the block a stamp [s] of a source in the loop's time; see `SourceClocks.placing`."""
+        return self._clocks.placing(source, stamp, time_at=lambda age: self._session.clock.pace() - age)
 
     def _on_joint_commands(self, message: JointState) -> None:
         world, names = self._session.world, self._session.robot_names

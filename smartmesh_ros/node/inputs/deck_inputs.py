@@ -14,9 +14,10 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.body_inputs import BEST_EFFORT
 from smartmesh_ros.node.inputs.frames import Transform
+from smartmesh_ros.node.inputs.source_clocks import SourceClocks
 from smartmesh_ros.node.inputs.transform_input import FollowedFrames, TransformInput
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.node.timing.stamps import StampClock, stamp_seconds
+from smartmesh_ros.node.timing.stamps import stamp_seconds
 from smartmesh_ros.terrain.deck import Deck
 from smartmesh_ros.terrain.tiles import Tiles
 from smartmesh_ros.world.driving import Carrier
@@ -44,7 +45,7 @@ class DeckInputs:
         self.decks: Mapping[str, Deck] = {
             name: Deck(thickness=entry.thickness) for name, entry in self._entries.items()
         }
-        self._clocks: dict[str, StampClock] = {}
+        self._clocks = SourceClocks(session)
         frames = {name: entry.name for name, entry in self._entries.items() if entry.source == "frame"}
         self._frames = FollowedFrames(session, transforms, SOURCE, frames, self._follow)
         for name, entry in self._entries.items():
@@ -81,12 +82,12 @@ class DeckInputs:
 
     def forget_stamps(self) -> None:
         """Accepts any stamps from now on, after a reset."""
-        self._clocks.clear()
+        self._clocks.forget()
         self._frames.forget()
 
     def _follow(self, name: str, pose: Transform, stamp: float | None, restarted: bool) -> None:
         if restarted:
-            self._clocks.pop(name, None)
+            self._clocks.forget(_source(name))
         self._move(name, BodyState(*pose), stamp, stated=False)
 
     def _on_odometry(self, name: str, message: Odometry) -> None:
@@ -97,24 +98,25 @@ class DeckInputs:
 
     def _move(self, name: str, state: BodyState, stamp: float | None, *, stated: bool) -> None:
         """Move a deck with the frame that is in a ``state`` at a ``stamp`` [s]. Raises `InputError`."""
-        session, entry, deck = self._session, self._entries[name], self.decks[name]
-        clock = self._clocks.setdefault(name, session.stamp_clock())
-        placed = clock.place(stamp, session.clock_now(), session.time_at, pace=session.pacer.pace)
+        entry, deck = self._entries[name], self.decks[name]
         own = Transform(state.position, state.orientation).then(Transform(entry.at, entry.orientation))
         arm = rotate(state.orientation, entry.at)
         velocity = np.add(state.linear, np.cross(state.angular, arm)) if stated else None
-        if placed.fresh:  # times before it were those of another clock
-            deck.place(own.translation, own.rotation, time=placed.time)
-        elif placed.lost:
-            deck.shift_frame(-placed.lost)
         spin = state.angular if stated else None
-        deck.move(own.translation, own.rotation, time=placed.time, velocity=velocity, spin=spin)
-        session.note_clock(f"deck {name!r}", placed)
-        clock.accept(placed)
-        session.stamp_ages[f"deck {name!r}"] = clock.age
+        with self._clocks.placing(_source(name), stamp) as placed:
+            if placed.fresh:  # times before it were those of another clock
+                deck.place(own.translation, own.rotation, time=placed.time)
+            elif placed.lost:
+                deck.shift_frame(-placed.lost)
+            deck.move(own.translation, own.rotation, time=placed.time, velocity=velocity, spin=spin)
         self._enter(name)
 
     def _enter(self, name: str) -> None:
         terrain = self._session.world.terrain
         if name not in terrain.decks:
             terrain.put(name, self.decks[name])
+
+
+def _source(deck: str) -> str:
+    """Return the name of a deck as a source of stamps."""
+    return f"deck {deck!r}"

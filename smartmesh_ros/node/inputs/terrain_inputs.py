@@ -28,9 +28,10 @@ from smartmesh_ros.node.inputs.deck_inputs import DeckInputs, Target
 from smartmesh_ros.node.inputs.map_checks import MapChecks
 from smartmesh_ros.node.inputs.optional_messages import find_message, require_message
 from smartmesh_ros.node.inputs.rivals import RivalMaps
+from smartmesh_ros.node.inputs.source_clocks import SourceClocks
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.session import Session, require_name
-from smartmesh_ros.node.timing.stamps import Placed, StampClock, stamp_seconds
+from smartmesh_ros.node.timing.stamps import Placed, stamp_seconds
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.material import Material
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
@@ -51,7 +52,7 @@ class TerrainInputs:
         self._session, self._decks = session, decks
         self._terrain = session.world.terrain
         self._on_terrain = on_terrain
-        self._clocks: dict[str, StampClock] = {}
+        self._clocks = SourceClocks(session)
         self._rivals, self._checks = RivalMaps(session), MapChecks(session.node.get_logger(), session.clock.steady)
         settings = session.settings
         maps, updates = QoSProfile(depth=MAPS), QoSProfile(depth=UPDATES)
@@ -72,7 +73,7 @@ class TerrainInputs:
 
     def forget_stamps(self) -> None:
         """Accepts any stamps from now on, after a reset."""
-        self._clocks.clear()
+        self._clocks.forget()
         self._checks.forget()
         for name, tile in self._terrain.tiles.items():
             if isinstance(tile, HeightMap):
@@ -179,9 +180,8 @@ class TerrainInputs:
 
     def _overtaken(self, topic: str, start: Stamped) -> bool:
         """Return True, and count the map, if a newer map arrived just before it; such a map is skipped."""
-        session, clock = self._session, self._clocks.get(self._target(start).name)
-        stamp, longest = stamp_seconds(start), session.settings.motion.max_interval
-        late = clock is not None and clock.is_overtaken(stamp, session.clock_now(), longest)
+        session, clock = self._session, self._clocks.of(_source(self._target(start)))
+        late = clock.is_overtaken(stamp_seconds(start), session.clock_now(), session.settings.motion.max_interval)
         session.overtaken[topic] += late
         return late
 
@@ -189,48 +189,59 @@ class TerrainInputs:
     def _ingesting(self, start: Stamped, *, update: bool = False) -> Iterator[Placed]:
         """Checks the fields common to all terrain messages and yields the stamp in simulated time; records the message
         as accepted unless the block raises `InputError`."""
-        session, target, stamp = self._session, self._target(start), stamp_seconds(start)
-        tile = target.name
+        session, target = self._session, self._target(start)
+        tiles, longest = target.tiles.tiles, session.settings.motion.max_interval
         with session.world.stopwatch.stage("ingest"):
-            if update and not target.tiles.tiles:
-                raise InputError("no_map", "an update came before any map; publish the whole map first")
-            if update:
-                target.tiles.tile(target.tile)
-            if not target.frame:
-                session.require_frame(start.frame_id)
-            elif start.frame_id not in ("", target.frame):
-                words = f"frame {start.frame_id!r} is not that of the deck, {target.frame!r}"
-                raise InputError("frame", f"{words}; maps of a deck are in its own frame")
-            require_name(tile)
-            clock = self._clocks.get(tile) or session.stamp_clock()
-            longest = session.settings.motion.max_interval
-            placed = clock.place(
-                stamp, session.clock_now(), session.time_at, longest if update else 0.0, longest, session.pacer.pace
-            )
-            # Else the motion of the source during a stall of the loop would count as fast motion of the ground, and so
-            # would a jump of its clock.
-            lost = longest if placed.fresh else placed.lost
-            known = target.tiles.tiles.get(target.tile)
-            if known is None or not lost:
+            self._require_place(target, start, update=update)
+            most = longest if update else 0.0
+            with (
+                self._clocks.placing(_source(target), stamp_seconds(start), most=most, horizon=longest) as placed,
+                # Else the motion of the source during a stall of the loop would count as fast motion of the ground, and
+                # so would a jump of its clock.
+                _moved_on(tiles.get(target.tile), longest if placed.fresh else placed.lost),
+            ):
                 yield placed
-            else:
-                # What is blended in must not move into the future; it has no velocity.
-                by = -max(lost, 0.0) if known.motion.corrects else -lost
-                known.shift_time(by)
-                with undone(partial(known.shift_time, -by)):
-                    yield placed
-            session.note_clock(f"terrain, tile {tile!r}" if tile else "terrain", placed)
-            clock.accept(placed)
-            self._clocks[tile] = clock
-            session.stamp_ages[f"tile {tile!r}" if tile else "terrain"] = clock.age
-            if target.tile in target.tiles.tiles:
-                target.tiles.tiles[target.tile].delay = clock.delay
+            if target.tile in tiles:
+                tiles[target.tile].delay = self._clocks.of(_source(target)).delay
             if not target.frame:
                 session.frame_id = session.frame_id or start.frame_id or DEFAULT_FRAME
             session.last_map_time = session.clock.steady()
             session.maps += 1
             session.map_warning = self._rivals.warning or self._checks.warning
         self._on_terrain()
+
+    def _require_place(self, target: Target, start: Stamped, *, update: bool) -> None:
+        """Raise `InputError` unless a message may be of its target: by its frame and, if it is an ``update``, because
+        there is a map."""
+        if update and not target.tiles.tiles:
+            raise InputError("no_map", "an update came before any map; publish the whole map first")
+        if update:
+            target.tiles.tile(target.tile)
+        if not target.frame:
+            self._session.require_frame(start.frame_id)
+        elif start.frame_id not in ("", target.frame):
+            words = f"frame {start.frame_id!r} is not that of the deck, {target.frame!r}"
+            raise InputError("frame", f"{words}; maps of a deck are in its own frame")
+        require_name(target.name)
+
+
+@contextmanager
+def _moved_on(mesh: MainMesh | None, lost: float) -> Iterator[None]:
+    """Take a time [s] that was lost, negative if it was made up for, out of the past of a map for the block and after
+    it; the past is as before if the block raises."""
+    if mesh is None or not lost:
+        yield
+        return
+    # What is blended in must not move into the future; it has no velocity.
+    by = -max(lost, 0.0) if mesh.motion.corrects else -lost
+    mesh.shift_time(by)
+    with undone(partial(mesh.shift_time, -by)):
+        yield
+
+
+def _source(target: Target) -> str:
+    """Return the name of a tile as a source of stamps."""
+    return f"tile {target.name!r}" if target.name else "terrain"
 
 
 def _start_of(header: Any) -> Stamped:
