@@ -15,10 +15,11 @@ import pybullet as pb
 from numpy.typing import NDArray
 
 from smartmesh_ros.ground.bullet import undone
-from smartmesh_ros.ground.quaternions import product, quaternion_of, rotate
-from smartmesh_ros.ground.state import Quaternion, Vector
+from smartmesh_ros.ground.quaternions import quaternion_of
+from smartmesh_ros.ground.state import Quaternion
+from smartmesh_ros.ground.transform import IDENTITY, Transform
 from smartmesh_ros.terrain.colours import ground_colours
-from smartmesh_ros.terrain.deck import LEVEL, Frame
+from smartmesh_ros.terrain.deck import Frame
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
@@ -43,14 +44,12 @@ MOST_VERTICES, MOST_CORNERS = 131072, 524288
 @dataclass(eq=False)
 class ShownTile:
     """A tile as it was drawn: its PyBullet body ``uid`` and ``shape``, its ``revision``, True if it ``moved`` then, the
-    ``friction`` that its colours are of, and the pose of the body in the frame of the terrain or the deck: ``position``
-    [m] and ``orientation``."""
+    ``friction`` that its colours are of, and the ``pose`` of the body in the frame of the terrain or the deck."""
 
     mesh: MainMesh
     uid: int
     shape: int
-    position: Vector = (0.0, 0.0, 0.0)
-    orientation: Quaternion = LEVEL
+    pose: Transform = IDENTITY
     revision: int = -1
     moved: bool = False
     friction: Any = None
@@ -105,7 +104,7 @@ class ShownGround:
                 continue
             shown = self._tiles[name]
             shown.mesh, shown.revision, shown.moved = mesh, mesh.revision, mesh.moving(time)
-            self._client.resetBasePositionAndOrientation(shown.uid, shown.position, shown.orientation)
+            self._client.resetBasePositionAndOrientation(shown.uid, *shown.pose)
         for name in frames.keys() & self._tiles.keys():
             self._ride(self._tiles[name], frames[name])
         self._drawn = time
@@ -133,7 +132,7 @@ class ShownGround:
         replace_heights(client, shown.shape, heights - base)
         placed = heightmap.placed_at(time)
         x, y = placed.to_world(0.5 * rows[-1], 0.5 * columns[-1]).tolist()
-        shown.position, shown.orientation = (x, y, base), quarter_turn(placed.yaw)
+        shown.pose = Transform((x, y, base), quarter_turn(placed.yaw))
         if shown.friction is not heightmap.friction:
             shown.friction = heightmap.friction
             friction = np.broadcast_to(np.asarray(shown.friction, np.float32), heightmap.heights.shape)
@@ -141,9 +140,9 @@ class ShownGround:
 
     def _ride(self, shown: ShownTile, frame: Frame) -> None:
         """Put a tile where the frame of its deck is."""
-        turn = quaternion_of(frame.rotation)
-        x, y, z = np.add(frame.position, rotate(turn, shown.position)).tolist()
-        self._client.resetBasePositionAndOrientation(shown.uid, (x, y, z), product(turn, shown.orientation))
+        x, y, z = frame.position.tolist()
+        pose = Transform((x, y, z), quaternion_of(frame.rotation)).then(shown.pose)
+        self._client.resetBasePositionAndOrientation(shown.uid, *pose)
 
     def _takes(self, name: str, mesh: TriangleMesh) -> bool:
         """Return True if PyBullet can show a mesh; say so once if it cannot."""

@@ -18,9 +18,9 @@ from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.limits import FASTEST_SPIN, MASSES, require_between
 from smartmesh_ros.ground.shapes import Box, Cylinder, Hull, Shape, Solid, Sphere, box_around
 from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.ground.transform import IDENTITY, Transform
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.joints import JointCommand, command_joint
-from smartmesh_ros.world.link_frames import InertialFrame
 from smartmesh_ros.world.robots.loading import (
     PYBULLETS_FASTEST,
     couple_joints,
@@ -69,7 +69,7 @@ class Body:
     friction: float = 0.0
     restitution: float = 0.0
     commands: dict[str, JointCommand] = field(default_factory=dict)  # by joint
-    inertial: InertialFrame = field(default_factory=InertialFrame)  # of the base link
+    inertial: Transform = IDENTITY  # pose of the centre of mass in the frame of the base link
     owner: str = ""
     notes: tuple[str, ...] = ()  # what its description was taken as, for the user
     warnings: tuple[str, ...] = ()  # what its author likely did not mean
@@ -197,7 +197,7 @@ class BodyFactory:
         note, warning = set_masses(client, uid, robot.text)
         body.notes = (*robot.notes, note) if note else robot.notes
         body.warnings = (*robot.warnings, warning) if warning else robot.warnings
-        body.inertial = InertialFrame(*client.getDynamicsInfo(uid, -1)[3:5])
+        body.inertial = Transform(*client.getDynamicsInfo(uid, -1)[3:5])
         body.mass = sum(client.getDynamicsInfo(uid, index)[0] for index in range(-1, client.getNumJoints(uid)))
         return body
 

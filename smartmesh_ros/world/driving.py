@@ -7,19 +7,18 @@ from collections import defaultdict
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.followers import Belt
 from smartmesh_ros.ground.ground import Ground
-from smartmesh_ros.ground.quaternions import conjugate, product, rotate
+from smartmesh_ros.ground.quaternions import conjugate, rotate
 from smartmesh_ros.ground.state import Quaternion, Vector
+from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.terrain.deck import LEVEL
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.world.bodies import Body, BodyFactory
 from smartmesh_ros.world.joints import JointCommand, JointReading, command_joint, read_joints
-from smartmesh_ros.world.link_frames import InertialFrame
 
 # Steps from one fit of joints' damping to the next, in which postures change little.
 DAMPED_STEPS = 8
@@ -191,10 +190,9 @@ class Driving:
             del self.carried[name]
             self.ground.carry(name, None)
             return
-        centre = body.inertial if link < 0 else InertialFrame(*self.client.getLinkState(body.uid, link)[2:4])
-        back = conjugate(centre.orientation)
-        arm = rotate(back, tuple(np.subtract(carrier.position, centre.position).tolist()))
-        self.ground.carry(name, body.uid, link, arm, product(back, carrier.orientation))
+        centre = body.inertial if link < 0 else Transform(*self.client.getLinkState(body.uid, link)[2:4])
+        place = centre.inverse().then(Transform(carrier.position, carrier.orientation))
+        self.ground.carry(name, body.uid, link, *place)
 
     def joints(self, name: str) -> list[JointReading]:
         """Return the current readings of a robot's joints."""

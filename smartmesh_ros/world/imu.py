@@ -12,9 +12,10 @@ import numpy as np
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import conjugate, product, rotate, rotation_vector, slerp
 from smartmesh_ros.ground.state import BodyState, Quaternion, Vector
+from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.bodies import Body
-from smartmesh_ros.world.link_frames import InertialFrame, frame_state, link_index
+from smartmesh_ros.world.link_frames import frame_state, link_index
 from smartmesh_ros.world.world import World
 
 # Largest magnitude of a bias, a noise density or a random walk, in its unit.
@@ -170,7 +171,7 @@ class Imu:
             found = *pose(body.uid), *velocity(body.uid)
         else:  # PyBullet computes it from the joints anew, which changes no step
             position, turn, *centre, _, _, linear, angular = client.getLinkState(body.uid, self._link, 1, 1)
-            found, inertial = (position, turn, linear, angular), InertialFrame(*centre)
+            found, inertial = (position, turn, linear, angular), Transform(*centre)
         try:
             return frame_state(BodyState(*found), inertial)
         except InputError:  # not finite: a body that the world is about to remove

@@ -10,11 +10,11 @@ from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import own_client
 from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.ground.quaternions import product, rotate
 from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Hull, ShapeKind, Solid, Sphere
-from smartmesh_ros.ground.state import BodyState, Quaternion, Vector
+from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.ground.transform import Transform, fixed_to
 from smartmesh_ros.world.bodies import BodyFactory
-from smartmesh_ros.world.link_frames import LinkFrames, fixed_to
+from smartmesh_ros.world.link_frames import LinkFrames
 from smartmesh_ros.world.robots.prepared import prepare_robot
 
 
@@ -27,13 +27,12 @@ class TrackedPart(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """A solid at a ``place`` [m], turned by ``turn``, in the frame of the ``link``, the root = 0."""
+    """A solid at a ``place`` in the frame of the ``link``, the root = 0."""
 
     name: str
     solid: Solid
     link: int
-    place: Vector
-    turn: Quaternion
+    place: Transform
 
 
 class TrackedRobot:
@@ -52,12 +51,11 @@ class TrackedRobot:
             self._values = {joint: (body.starts.get(joint, 0.0), 0.0) for joint in body.joints}
             self._parts: list[_Part] = []
             for index, shape in body.shapes.items():
-                centre, turn = client.getDynamicsInfo(body.uid, index)[3:5]
+                centre = Transform(*client.getDynamicsInfo(body.uid, index)[3:5])
                 for place, part in enumerate(shape.parts):
                     full = f"{name}.{body.links[index]}" + (f".{place}" if place else "")
-                    x, y, z = (a + b for a, b in zip(centre, rotate(turn, part.offset), strict=True))
-                    placed = (x, y, z), product(turn, part.orientation)
-                    self._parts.append(_Part(full, _solid(part), index + 1, *placed))
+                    placed = centre.then(Transform(part.offset, part.orientation))
+                    self._parts.append(_Part(full, _solid(part), index + 1, placed))
 
     @property
     def joints(self) -> list[str]:
@@ -85,7 +83,7 @@ class TrackedRobot:
         joints."""
         states = self._frames.states(root, {index: self._values[joint] for joint, index in self._columns.items()})
         for part in self._parts:
-            yield TrackedPart(part.name, part.solid, fixed_to(states[part.link], part.place, part.turn))
+            yield TrackedPart(part.name, part.solid, fixed_to(states[part.link], part.place))
 
 
 def _solid(part: BodyShape) -> Solid:

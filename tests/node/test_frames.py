@@ -13,7 +13,8 @@ from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.node.inputs.frames import HISTORY, MAX_HOLD, FrameBuffer, Transform
+from smartmesh_ros.ground.transform import Transform
+from smartmesh_ros.node.inputs.frames import HISTORY, MAX_HOLD, FrameBuffer
 from smartmesh_ros.node.inputs.transform_input import transforms_from
 from tests.bodies import rotation
 

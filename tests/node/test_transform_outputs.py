@@ -10,7 +10,8 @@ from std_srvs.srv import SetBool
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros import BodyState, Sphere
-from smartmesh_ros.node.inputs.frames import FrameBuffer, Transform
+from smartmesh_ros.ground.transform import Transform
+from smartmesh_ros.node.inputs.frames import FrameBuffer
 from smartmesh_ros.tools.testing import Probe, heightmap_message
 from smartmesh_ros.tools.testing.replaying import replayed
 from tests.node.shared import LATCHED, changed, show_level_ground, transform_message

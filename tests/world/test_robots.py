@@ -9,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros import BodyState, Box, InputError, PhysicsConfig, World, WorldConfig
+from smartmesh_ros.ground.transform import Transform, fixed_to
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
 from smartmesh_ros.world.joints import JointCommand
-from smartmesh_ros.world.link_frames import InertialFrame, centre_state, frame_state
+from smartmesh_ros.world.link_frames import frame_state
 from tests.grounds import level, shaped, step_on_moving, world_of
 from tests.urdfs import ROVER, inertial, joint, link, robot
 
@@ -55,8 +56,8 @@ TURN = (
 
 @given(VECTOR, TURN, VECTOR, VECTOR, VECTOR, TURN)
 def test_base_frame_and_centre_of_mass_are_one_rigid_body(p, q, v, w, offset, turn) -> None:  # type: ignore[no-untyped-def]
-    frame, inertial = BodyState(p, q, v, w), InertialFrame(offset, turn)
-    centre = centre_state(frame, inertial)
+    frame, inertial = BodyState(p, q, v, w), Transform(offset, turn)
+    centre = fixed_to(frame, inertial)
     back = frame_state(centre, inertial)
     for name in ("position", "orientation", "linear", "angular"):
         assert getattr(back, name) == pytest.approx(getattr(frame, name), abs=1e-9)

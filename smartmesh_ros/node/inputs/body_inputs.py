@@ -18,9 +18,9 @@ from smartmesh_ros.errors import InputError, listed
 from smartmesh_ros.ground.limits import SIZES, require_between, require_possible
 from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.conversions import BodyInput, joint_commands_from, tracked_joints_from
-from smartmesh_ros.node.inputs.frames import Transform
 from smartmesh_ros.node.inputs.source_clocks import SourceClocks
 from smartmesh_ros.node.inputs.transform_input import FollowedFrames, TransformInput
 from smartmesh_ros.node.parameters.entries import topic_name

@@ -11,9 +11,9 @@ from nav_msgs.msg import Odometry
 
 from smartmesh_ros.ground.quaternions import rotate
 from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.body_inputs import BEST_EFFORT
-from smartmesh_ros.node.inputs.frames import Transform
 from smartmesh_ros.node.inputs.source_clocks import SourceClocks
 from smartmesh_ros.node.inputs.transform_input import FollowedFrames, TransformInput
 from smartmesh_ros.node.session import Session

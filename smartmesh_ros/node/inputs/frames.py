@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 from smartmesh_ros.errors import InputError, listed
-from smartmesh_ros.ground.quaternions import conjugate, product, rotate, slerp
-from smartmesh_ros.ground.state import BodyState, Quaternion, Vector
+from smartmesh_ros.ground.quaternions import slerp
+from smartmesh_ros.ground.transform import IDENTITY, Transform
 from smartmesh_ros.terrain.deck import QUATERNION_SLACK
 
 # A transform that is older than the newest of its child by more than this restarts the child's history, because the
@@ -20,34 +19,6 @@ HISTORY = 10.0
 MOST_KEPT = 2000
 # The newest transform holds for this long after its stamp [s]; later look-ups fail.
 MAX_HOLD = 0.5
-
-
-class Transform(NamedTuple):
-    """Pose of a frame in another: translation [m] and rotation (x, y, z, w)."""
-
-    translation: Vector
-    rotation: Quaternion
-
-    def then(self, inner: Transform) -> Transform:
-        """Return ``inner``, given in this frame, as a transform in the outer frame."""
-        (x, y, z), (dx, dy, dz) = self.translation, rotate(self.rotation, inner.translation)
-        return Transform((x + dx, y + dy, z + dz), product(self.rotation, inner.rotation))
-
-    def inverse(self) -> Transform:
-        """Return the outer frame's pose in this frame."""
-        back = conjugate(self.rotation)
-        x, y, z = rotate(back, self.translation)
-        return Transform((-x, -y, -z), back)
-
-    def apply(self, state: BodyState) -> BodyState:
-        """Return a body's state in the outer frame. The twist is rotated only, as if the frames were at rest."""
-        position, orientation = self.then(Transform(state.position, state.orientation))
-        return BodyState(
-            position, orientation, rotate(self.rotation, state.linear), rotate(self.rotation, state.angular)
-        )
-
-
-IDENTITY = Transform((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
 
 @dataclass

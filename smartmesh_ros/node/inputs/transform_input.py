@@ -11,8 +11,9 @@ from typing import NamedTuple
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
-from smartmesh_ros.node.inputs.frames import FrameBuffer, Transform
+from smartmesh_ros.node.inputs.frames import FrameBuffer
 from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.session import Session, require_name

@@ -8,7 +8,7 @@ import numpy as np
 from geometry_msgs.msg import TransformStamped
 from std_msgs.msg import Header
 
-from smartmesh_ros.node.inputs.frames import Transform
+from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.cdr import ArrayMessage, fields_of, stamp_fields

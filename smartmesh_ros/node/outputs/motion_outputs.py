@@ -12,7 +12,7 @@ from std_msgs.msg import Header
 
 from smartmesh_ros.ground.quaternions import quaternion_of
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.node.inputs.frames import Transform
+from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.body_outputs import pose_message, quaternion_message, vector_message
 from smartmesh_ros.node.outputs.broadcast import Broadcast, OwnFrame

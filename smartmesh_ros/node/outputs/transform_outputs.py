@@ -8,7 +8,7 @@ from typing import Any
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.inputs.frames import IDENTITY, Transform
+from smartmesh_ros.ground.transform import IDENTITY, Transform
 from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.broadcast import Broadcast, OwnFrame
@@ -111,7 +111,7 @@ class TransformOutputs:
             else:  # its odometry publishes the root link's; REP 105
                 yield OwnFrame(terrain, odom, pose.then(odometry_pose(self._session.bases[name]).inverse()))
             for link, child in zip(links[1:], names[1:], strict=True):
-                yield OwnFrame(names[link.parent], child, Transform(link.translation, link.rotation))
+                yield OwnFrame(names[link.parent], child, link.pose)
             if name not in names:
                 yield OwnFrame(names[0], name, IDENTITY)
 

@@ -12,15 +12,14 @@ from geometry_msgs.msg import Vector3
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.ground.transform import Transform, fixed_to
 from smartmesh_ros.node.inputs import conversions
-from smartmesh_ros.node.inputs.frames import Transform
 from smartmesh_ros.node.outputs.body_outputs import pose_message, twist_message
 from smartmesh_ros.node.services.entities import own_bounds, select
 from smartmesh_ros.node.services.files import allowed_folders, files_in, robot_name, urdf_text, with_package_paths
 from smartmesh_ros.node.services.standard import Standard, tagged
 from smartmesh_ros.node.session import REFUSED, require_name
 from smartmesh_ros.world.bodies import Body
-from smartmesh_ros.world.link_frames import centre_state
 
 _POSE_REASONS = dict.fromkeys(("frame", "non_finite", "quaternion"), "INVALID_POSE")
 _SPAWN_REASONS = {
@@ -91,7 +90,7 @@ class EntityServices:
             session.require_room([name])
             session.world.spawn_robot(name, robot, state)
             body = session.world.bodies[name]
-            body.initial = centre_state(state, body.inertial)  # the pose is that of the base link
+            body.initial = fixed_to(state, body.inertial)  # the pose is that of the base link
             session.world.move(name, body.initial)
             session.start_of(name, body.initial)
         return name
@@ -176,7 +175,7 @@ class EntityServices:
             given = BodyState(given.position, given.orientation, now.linear, now.angular)
         if world.bodies[name].fixed and any((*given.linear, *given.angular)):
             raise InputError("fixed", f"the base of {name!r} is fixed and takes no velocity; leave the twist at zero")
-        world.move(name, centre_state(given, world.bodies[name].inertial))
+        world.move(name, fixed_to(given, world.bodies[name].inertial))
 
     def _placed(self, header: Any, state: BodyState) -> BodyState:
         """Return a state that is given in the frame of a header, of the terrain or of a body, in the terrain's frame.

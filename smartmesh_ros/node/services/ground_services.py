@@ -12,7 +12,7 @@ from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError, listed
 from smartmesh_ros.ground.quaternions import rotate
-from smartmesh_ros.node.inputs.frames import IDENTITY, Transform
+from smartmesh_ros.ground.transform import IDENTITY, Transform
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.cdr import doubles
 from smartmesh_ros.node.services.turns import NextTurn, parts_of
@@ -50,7 +50,7 @@ class AskedFrame:
 
     def points_w(self, points: FloatArray) -> FloatArray:
         """Return points (N, 3) [m] in the terrain's frame; z may be infinite if the frame is level."""
-        if self.transform is IDENTITY:
+        if self.transform == IDENTITY:
             return points
         rotation, translation = self.rotation, np.array(self.transform.translation)
         with np.errstate(all="ignore"):  # numbers that are too large are refused afterwards
@@ -61,11 +61,11 @@ class AskedFrame:
 
     def vectors_w(self, vectors: FloatArray) -> FloatArray:
         """Return vectors (N, 3) in the terrain's frame."""
-        return vectors if self.transform is IDENTITY else np.asarray(vectors @ self.rotation.T)
+        return vectors if self.transform == IDENTITY else np.asarray(vectors @ self.rotation.T)
 
     def vectors(self, vectors_w: FloatArray) -> FloatArray:
         """Return vectors (N, 3) of the terrain's frame in this frame."""
-        return vectors_w if self.transform is IDENTITY else np.asarray(vectors_w @ self.rotation)
+        return vectors_w if self.transform == IDENTITY else np.asarray(vectors_w @ self.rotation)
 
     def require_level(self, frame_id: str) -> None:
         """Raise `InputError` if the frame's z axis is not vertical."""
