@@ -19,7 +19,7 @@ from smartmesh_ros.ground.quaternions import quaternion_of
 from smartmesh_ros.ground.state import Quaternion
 from smartmesh_ros.ground.transform import IDENTITY, Transform
 from smartmesh_ros.terrain.colours import ground_colours
-from smartmesh_ros.terrain.deck import Frame
+from smartmesh_ros.terrain.deck import Frame, name_of_tile
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
@@ -88,7 +88,7 @@ class ShownGround:
         frames: dict[str, Frame] = {}
         for deck, it in self._terrain.decks.items():
             for name, mesh in it.tiles.items():
-                whole = "/".join(filter(None, (deck, name)))
+                whole = name_of_tile(deck, name)
                 tiles[whole], frames[whole] = mesh, it.frame(time)
         for name in list(self._tiles):
             if name not in tiles or not _fits(self._tiles[name], tiles[name]):

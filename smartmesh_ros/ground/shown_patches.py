@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from smartmesh_ros.core import CORE
 from smartmesh_ros.ground.followers import Followers
 from smartmesh_ros.stopwatch import Stopwatch
+from smartmesh_ros.terrain.deck import name_of_tile
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.terrain import Terrain
@@ -121,6 +122,5 @@ def _names(deck: str, of: Tiles) -> tuple[list[str], list[str]]:
     """Return the names of the height maps and of the meshes of a terrain, deck "", or of a deck."""
     found: tuple[list[str], list[str]] = ([], [])
     for name, mesh in of.tiles.items():
-        whole = "/".join(filter(None, (deck, name)))
-        found[not isinstance(mesh, HeightMap)].append(whole)
+        found[not isinstance(mesh, HeightMap)].append(name_of_tile(deck, name))
     return found

@@ -15,7 +15,7 @@ from smartmesh_ros.soil.config import SoilType, soil_table, soils_from
 from smartmesh_ros.terrain.grid import FloatArray, Region
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.material import checked_soil
-from smartmesh_ros.terrain.prints import NOTHING, corners
+from smartmesh_ros.terrain.prints import NO_PLACES, corners
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 
 # Fewest samples of a soil along a cell of its map that are too many.
@@ -82,7 +82,7 @@ class Soil:
         self.spacing = spacing
         self.core: Any = CORE.Soil(self.map.core_reader, self.map.soil, soil_table(self.soils), spacing)
         self.slip_sinkage = slip_sinkage
-        self._changed = NOTHING  # corners (2, 2) of what `show` wrote since the last `changes`
+        self._changed = NO_PLACES  # corners (2, 2) of what `show` wrote since the last `changes`
 
     def __getstate__(self) -> None:
         raise InputError("soil", "soil cannot be copied; make a Soil anew on the copied map, with its ruts as ground")
@@ -146,7 +146,7 @@ class Soil:
         place = slice(row, last_row + 1), slice(column, last_column + 1)
         if self.map.moving(time) and self.map.arrays[1][:, *place].any():
             return None
-        self._changed = NOTHING
+        self._changed = NO_PLACES
         return Region(row, column, self.map.heights[place])
 
     def sinkage(self) -> FloatArray:

@@ -21,6 +21,11 @@ LEVEL = (0.0, 0.0, 0.0, 1.0)
 LONG_AGO = -1e9
 
 
+def name_of_tile(deck: str, tile: str) -> str:
+    """Return the name of a tile among all of a terrain: ``deck/tile``, or that of either if the other has none."""
+    return "/".join(filter(None, (deck, tile)))
+
+
 class Frame(NamedTuple):
     """A frame at an instant: ``position`` (3,) [m], ``rotation`` (3, 3) of its vectors into the world's, ``velocity``
     (3,) of its origin [m/s], and ``spin`` (3,), its angular velocity [rad/s], in the world."""

@@ -104,13 +104,12 @@ class Material:
 
 
 NAMES = tuple(field.name for field in fields(Material))
-NOTHING = Material()
 
 
 def together(material: Material | None, **layers: Any) -> Material:
     """Return a ``material`` with other ``layers``, None = not given; raises `InputError` for a layer of both."""
     given = {name: layer for name, layer in layers.items() if layer is not None}
-    whole = material or NOTHING
+    whole = material or Material()
     if not given:
         return whole
     if both := sorted(whole.layers.keys() & given.keys()):

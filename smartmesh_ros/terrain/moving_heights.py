@@ -25,7 +25,7 @@ from smartmesh_ros.terrain.corrections import fuse_rectangle, fused_of, put_fuse
 from smartmesh_ros.terrain.grid import GridGeometry, geometry_of
 from smartmesh_ros.terrain.grid_track import GridTrack, at_rest, follow
 from smartmesh_ros.terrain.laid_ground import LaidGround
-from smartmesh_ros.terrain.material import NOTHING, Material, together
+from smartmesh_ros.terrain.material import Material, together
 from smartmesh_ros.terrain.motion import CLOCK, MotionConfig, MovingGround
 from smartmesh_ros.terrain.prints import Prints
 from smartmesh_ros.terrain.state_file import filled
@@ -163,7 +163,7 @@ class MovingHeights(LaidGround, MovingGround):
         certainty = checked_variance(variance, shape)
         new, speeds = checked(heights, velocities, shape, "the map")
         laid = together(material, friction=friction, soil=soil)
-        if laid is not NOTHING and laid.layers:
+        if laid.layers:
             self.give(laid)
         self._take(0, 0, new, speeds, time, certainty)
         if not self.motion.corrects:

@@ -12,7 +12,7 @@ from smartmesh_ros.terrain.grid import IntArray
 
 Heights = NDArray[np.float32]
 # Rows and columns of no samples.
-NOTHING = np.empty((0, 2), np.int64)
+NO_PLACES = np.empty((0, 2), np.int64)
 
 
 def corners(places: IntArray, others: IntArray) -> IntArray:
@@ -29,7 +29,7 @@ class Prints:
     def __init__(self, heights: Heights) -> None:
         self._heights = heights
         self.given = np.full_like(heights, np.nan)
-        self.corners = NOTHING
+        self.corners = NO_PLACES
 
     def press(self, places: IntArray, heights: Heights) -> None:
         """Write ``heights`` (n,) of the samples at ``places`` (n, 2), rows and columns."""

@@ -18,7 +18,7 @@ from smartmesh_ros.node.inputs.source_clocks import SourceClocks
 from smartmesh_ros.node.inputs.transform_input import FollowedFrames, TransformInput
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.stamps import stamp_seconds
-from smartmesh_ros.terrain.deck import Deck
+from smartmesh_ros.terrain.deck import Deck, name_of_tile
 from smartmesh_ros.terrain.tiles import Tiles
 from smartmesh_ros.world.driving import Carrier
 
@@ -69,7 +69,7 @@ class DeckInputs:
             if deck == name:
                 return Target(self.decks[deck], inner, tile, entry.frame)
             if frame_id and frame_id == entry.frame:
-                return Target(self.decks[deck], tile, f"{deck}/{tile}", entry.frame)
+                return Target(self.decks[deck], tile, name_of_tile(deck, tile), entry.frame)
         return Target(self._session.world.terrain, tile, tile)
 
     def refresh(self) -> None:

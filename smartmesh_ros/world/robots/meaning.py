@@ -18,7 +18,7 @@ from smartmesh_ros.ground.followers import LEAST_AXIS
 from smartmesh_ros.ground.limits import FARTHEST_BODY, FASTEST
 from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.world.robots.description import Description
-from smartmesh_ros.world.robots.quantities import mass_of, number_of, numbers
+from smartmesh_ros.world.robots.quantities import MOVABLE, mass_of, number_of, numbers
 
 # Root link that stands for the world: what is fixed to it does not move. A convention of Gazebo that PyBullet follows.
 WORLD = "world"
@@ -41,7 +41,7 @@ class Mimic(NamedTuple):
 def mimics_of(robot: Description) -> tuple[Mimic, ...]:
     """Return the joints that mimic others. Raises `InputError` if one mimics a joint that cannot move or is not
     there."""
-    movable = {joint.name for joint in robot.joints if joint.kind in ("revolute", "continuous", "prismatic")}
+    movable = {joint.name for joint in robot.joints if joint.kind in MOVABLE}
     found = {}
     for joint in robot.joints:
         for element in joint.element.findall("mimic")[:1]:

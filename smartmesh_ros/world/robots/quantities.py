@@ -25,8 +25,8 @@ _LARGEST_INERTIA = 1e18  # [kg m^2]
 # Of links [kg]; robots in use have frames of 1e-7 kg.
 _MASSES = (1e-9, MASSES[1])
 _SCALES = (1e-6, 1e6)
-_MOVES = ("revolute", "continuous", "prismatic")
-# Kinds of joints that have limits of their position.
+# Kinds of joints that move along or about one axis, and those of them that have limits of their position.
+MOVABLE = ("revolute", "continuous", "prismatic")
 LIMITED = ("revolute", "prismatic")
 
 
@@ -45,7 +45,7 @@ def check_quantities(robot: Description) -> None:
             raise InputError("urdf", f"{what} is {joint.kind} and has no <limit>; give it one, or make it continuous")
         for axis in joint.element.findall("axis"):
             _require_finite(axis, "xyz", what)
-            if joint.kind in _MOVES and not any(vector_of(axis, "xyz", 1.0)):
+            if joint.kind in MOVABLE and not any(vector_of(axis, "xyz", 1.0)):
                 raise InputError("urdf", f"the axis of {what} is zero")
         for tag, keys in (("limit", ("lower", "upper", "effort", "velocity")), ("dynamics", ("damping", "friction")),
                           ("mimic", ("multiplier", "offset"))):  # fmt: skip
