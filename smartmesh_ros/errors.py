@@ -18,6 +18,11 @@ def listed(words: Sequence[str], most: int = 5, between: str = ", ") -> str:
     return between.join([*words[:most], *more])
 
 
+def is_number(value: object) -> bool:
+    """Return True if a value is a real number of Python, and no truth value."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
 class InputError(ValueError):
     """The input was refused as a whole; nothing was changed.
 
@@ -31,3 +36,9 @@ class InputError(ValueError):
 
     def __reduce__(self) -> tuple[type[InputError], tuple[str, str]]:
         return type(self), (self.reason, str(self))  # to be sent from another process
+
+
+def require(good: bool, reason: str, what: str, value: object, wanted: str) -> None:
+    """Raise `InputError` unless a ``value`` is ``good``; ``what``: the setting, ``wanted``: what it must be."""
+    if not good:
+        raise InputError(reason, f"{what} is {value!r}; it must be {wanted}")

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, is_number, require
 from smartmesh_ros.terrain.checked_heights import checked_time, unmasked
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
@@ -152,7 +152,7 @@ def yaws_of(orientations: ArrayLike) -> FloatArray:
 
 
 def _number(name: str, value: Any) -> float:
-    _require(isinstance(value, int | float) and not isinstance(value, bool), name, value, "a number")
+    _require(is_number(value), name, value, "a number")
     return float(value)
 
 
@@ -162,8 +162,7 @@ def _numbers(name: str, values: Any, count: int) -> tuple[float, ...]:
 
 
 def _require(good: bool, name: str, value: Any, wanted: str) -> None:
-    if not good:
-        raise InputError("height_scan", f"{name} of a height scan is {value!r}; it must be {wanted}")
+    require(good, "height_scan", f"{name} of a height scan", value, wanted)
 
 
 _RELATIVE = HeightScan(values="clearance", offset=(0.0, 0.0, 0.5), clip=(-1.0, 1.0))

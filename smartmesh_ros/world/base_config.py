@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from typing import Any
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, is_number, require
 
 # Largest length of a base [m].
 LARGEST = 1e4
@@ -37,17 +36,17 @@ class BaseConfig:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value = getattr(self, field.name)
+            value, what = getattr(self, field.name), f"{field.name} of a base"
             if field.name in ("wheels", "steering", "tracks"):
                 good = isinstance(value, list | tuple) and all(isinstance(name, str) and name for name in value)
-                _require(good and len({*value}) == len(value), field.name, value, "a list of different names")
+                require(good and len({*value}) == len(value), "base", what, value, "a list of different names")
                 object.__setattr__(self, field.name, tuple(value))
                 continue
-            _require(isinstance(value, int | float) and not isinstance(value, bool), field.name, value, "a number")
+            require(is_number(value), "base", what, value, "a number")
             if field.default:
-                _require(value > 0.0, field.name, value, "above zero")
+                require(value > 0.0, "base", what, value, "above zero")
             else:
-                _require(0.0 <= value <= LARGEST, field.name, value, f"0 to {LARGEST:g} m; 0 = that of the robot")
+                require(0.0 <= value <= LARGEST, "base", what, value, f"0 to {LARGEST:g} m; 0 = that of the robot")
         if bool(self.wheels) == bool(self.tracks) or (self.tracks and self.steering):
             raise InputError(
                 "base", "a base has wheels, with or without steering, or tracks: name the joints of either"
@@ -56,8 +55,3 @@ class BaseConfig:
             raise InputError("base", "a base that is steered has no track and no angular_acceleration; leave them out")
         if self.wheelbase and not self.steering:
             raise InputError("base", "a base without steering has no wheelbase; leave it out")
-
-
-def _require(good: bool, name: str, value: Any, wanted: str) -> None:
-    if not good:
-        raise InputError("base", f"{name} of a base is {value!r}; it must be {wanted}")

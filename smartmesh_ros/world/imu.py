@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, is_number, require
 from smartmesh_ros.ground.quaternions import conjugate, product, rotate, rotation_vector, slerp
 from smartmesh_ros.ground.state import BodyState, Quaternion, Vector
 from smartmesh_ros.ground.transform import Transform
@@ -57,12 +57,11 @@ class ImuConfig:
                 wanted = "three finite numbers"
             else:
                 possible, wanted = _is_between(value, 0.0, LARGEST), f"0 to {LARGEST:g}"
-            if not possible:
-                raise InputError("imu", f"{name} of an IMU is {value!r}; it must be {wanted}")
+            require(possible, "imu", f"{name} of an IMU", value, wanted)
 
 
 def _is_between(value: Any, low: float, high: float) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and low <= value <= high
+    return is_number(value) and bool(low <= value <= high)
 
 
 class ImuReading(NamedTuple):
