@@ -21,7 +21,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 
 
 class NumberedClient:
-    """PyBullet's functions for the client of a number, which whoever connected it disconnects."""
+    """PyBullet's functions for the client of a number. The caller who connected the client disconnects it."""
 
     def __init__(self, number: int) -> None:
         self._client = number

@@ -1,5 +1,5 @@
-"""Finds out whether the core was compiled for the PyBullet that runs: what the core reads and writes in Bullet's memory
-must be what PyBullet was told and reports. A client of its own is used, so that no world of a user changes."""
+"""Checks that the core was compiled for the PyBullet that runs: values that one of them sets must be those that the
+other reads in Bullet's memory. The check uses a client of its own, so that no world of a user changes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ POSTFIX = "_smartmesh"
 # Pose and velocities of the bodies that are read: [m], quaternion (x, y, z, w), [m/s], [rad/s].
 POSE = ((1.0, -2.0, 3.0), (0.6, 0.0, 0.0, 0.8))
 VELOCITY = ((0.1, 0.2, -0.3), (-0.4, 0.5, 0.6))
-# Settings of the solver that are told to PyBullet: gravity [m/s^2], time step [s], erp, friction erp, slop [m].
+# Settings of the solver that PyBullet is given: gravity [m/s^2], time step [s], erp, friction erp, slop [m].
 SETTINGS = (0.3, -0.2, -9.5, 1.0 / 250.0, 0.11, 0.13, 3e-5)
 # PyBullet's state of a body that sleeps, and the steps until a multibody does.
 STOPPED, STEPS_TO_STOP = pb.ACTIVATION_STATE_ENABLE_SLEEPING | pb.ACTIVATION_STATE_SLEEP, 2

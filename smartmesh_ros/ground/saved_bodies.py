@@ -71,7 +71,7 @@ class SavedBodies(AttachedBodies):
 
     def forget(self) -> None:
         """Forget the past of all bodies but poses and velocities: contacts, their impulses and order, rest, and how the
-        soil was sheared; what sleeps wakes. Equal worlds then go on equally, whatever was before."""
+        soil was sheared; what sleeps wakes. Worlds that are equal then evolve equally, even with different pasts."""
         self.contacts.forget()
         self._start_anew()
 
@@ -115,8 +115,8 @@ class SavedBodies(AttachedBodies):
         """Let PyBullet and the core know what `_memory` returned, and nothing else of the past."""
         contacts = self.contacts
         contacts.core.time = known["time"]
-        contacts.set_soil(None)  # PyBullet finds contacts, which must not press it
-        # It finds them by where bodies were before, too, which the first round brings up to date.
+        contacts.set_soil(None)  # restoring finds contacts, which must not press the soil
+        # The order of contacts depends on earlier positions of the bodies, which the first restoring replaces.
         _restore_bullet(self._client, known["bullet"])
         contacts.forget()
         _restore_bullet(self._client, known["bullet"])

@@ -76,7 +76,7 @@ class Deck(Tiles):
             self.ride(-1, -1, (0.0, 0.0, 0.0), LEVEL)
 
     def state(self) -> dict[str, Any]:
-        """Return all that the deck goes on from, with PyBullet's numbers of what carries it; see `Tiles.state`."""
+        """Return the whole state of the deck, with PyBullet's numbers of its carrier; see `Tiles.state`."""
         return {
             **super().state(), "thickness": self.thickness, "motion": self.core.memory(), "last": self._last,
             "carrier": (self.body, self.link, self._place),

@@ -29,7 +29,7 @@ class Terrain(Tiles):
         super().__init__(single)
 
     def state(self) -> dict[str, Any]:
-        """Return all that the terrain goes on from; see `Tiles.state`."""
+        """Return the whole state of the terrain; see `Tiles.state`."""
         return {**super().state(), "decks": {name: deck.state() for name, deck in self.decks.items()}}
 
     @classmethod
@@ -42,7 +42,7 @@ class Terrain(Tiles):
         return made
 
     def become(self, other: Terrain) -> Callable[[], None]:
-        """Take tiles and decks of another terrain, as `Tiles.become` does. Grounds of this terrain go on with it."""
+        """Take tiles and decks of another terrain, as `Tiles.become` does. Grounds on this terrain stay on it."""
         known, decks, core = self.decks, other.decks, self.core
         undos = [*(known[name].become(decks[name]) for name in known.keys() & decks.keys()), super().become(other)]
         self.decks = {name: known.get(name, deck) for name, deck in decks.items()}

@@ -50,7 +50,7 @@ class Tiles:
         self.core.set_tiles(self.readers)
 
     def state(self) -> dict[str, Any]:
-        """Return all that the tiles go on from, as a tree for `state_file.to_bytes`; arrays are not copied."""
+        """Return the whole state of the tiles, as a tree for `state_file.to_bytes`; arrays are not copied."""
         tiles = {name: [type(mesh).__name__, mesh.__getstate__()] for name, mesh in self.tiles.items()}
         return {"tiles": tiles, "numbers": self.numbers, "next_number": self._next_number}
 
@@ -65,8 +65,8 @@ class Tiles:
             raise InputError("state", "the tiles of a saved terrain are not those that have numbers")
 
     def become(self, other: Self) -> Callable[[], None]:
-        """Take the tiles of another one, which must not be used any more; return what undoes it. Whoever holds a tile
-        of this one holds the restored one of the same name and kind."""
+        """Take the tiles of another one, which must not be used any more; return the function that undoes it. Tiles of
+        the same name and kind stay the same objects, with the contents of the other's."""
         known = dict(vars(self)), [(mesh, dict(vars(mesh))) for mesh in self.tiles.values()]
 
         def undo() -> None:

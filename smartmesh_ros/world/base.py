@@ -35,9 +35,12 @@ class BaseOdometry(NamedTuple):
 
 
 class BaseMemory(NamedTuple):
-    """What a base goes on from: its command, ``linear`` and ``turn``, and what of it is driven ``now``, as of
-    `Base.drive`; how long a command ``lasts`` [s], and the ``end`` of this one, on the world's clock [s]; pose of the
-    axle, as of odometry [m, rad], and its measured velocities [m/s, rad/s]."""
+    """Command and odometry of a base.
+
+    ``linear`` [m/s], ``turn`` [rad/s] or, of a base with steering, [1/m]: the command; ``linear_now``, ``turn_now``:
+    what the wheels are driven at. ``lasts`` [s]: duration of a command; ``end`` [s]: time at which this one ends.
+    ``x``, ``y`` [m], ``yaw`` [rad]: pose of the axle; ``speed`` [m/s], ``angular`` [rad/s]: its measured velocities.
+    """
 
     linear: float
     turn: float
@@ -140,7 +143,7 @@ class Base:
 
     @property
     def memory(self) -> BaseMemory:
-        """The command and the odometry, from which `recall` goes on."""
+        """The command and the odometry, for `recall`."""
         return BaseMemory(*self._target, *self._now, self._lasts, self._end, *self._pose, *self._velocity)
 
     def recall(self, memory: BaseMemory) -> None:

@@ -46,10 +46,12 @@ class Steering(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BaseGeometry:
-    """The n wheels or tracks of a base, by their ``names``: places ``x``, ``y`` (n,) [m], ``y`` as far to the side as
-    counts for turning; ``scale`` (n,), signed, of a speed of the ground [m/s] to that of the joint [rad/s] or surface
-    [m/s]; ``limit`` (n,) of the latter; ``steered``: index (n,) in ``steering`` of the joint that turns a wheel, -1 =
-    none. The base turns about points at ``axle`` along x [m]."""
+    """The n wheels or tracks of a base, by their ``names``.
+
+    ``x``, ``y`` (n,) [m]: places; ``y`` of a base without steering is the effective one of `_turning`. ``scale`` (n,):
+    signed ratio of the speed of the joint [rad/s] or surface [m/s] to the speed over ground [m/s]. ``limit`` (n,):
+    largest speed of the joint or surface. ``steered`` (n,): index in ``steering`` of the joint that turns a wheel, -1 =
+    none. ``axle`` [m]: x of the points about which the base turns."""
 
     names: tuple[str, ...]
     x: FloatArray

@@ -202,8 +202,8 @@ class BodyFactory:
         return body
 
     def damp(self, body: Body) -> dict[int, float]:
-        """Give a robot's joints the damping of its URDF, as far as the present steps bear it in the present posture;
-        return the shares that joints have of theirs."""
+        """Give a robot's joints the damping of its URDF, or as much of it as is stable with the present steps and
+        posture. Returns the share of its damping that each joint has, by PyBullet's index."""
         shares = damp_joints(self._client, body.uid, body.damping, self.config.dt)
         body.stiff = min(shares.values(), default=1.0) < STIFF_SHARE
         return shares

@@ -1,4 +1,4 @@
-"""Bodies that fall off the ground, noticed once and given up far below it, and bodies at impossible places."""
+"""Bodies that fall off the ground, and bodies at impossible places."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ NOWHERE = f"was at no place or farther away than {FARTHEST_BODY:g} m"
 
 
 class Falls:
-    """Which of the awake bodies of a world's own fall, because there is no ground under them. ``checked``: time of the
-    last check [s]."""
+    """Finds awake bodies of this world that fall because there is no ground under them, and those that are lost: too
+    far below the ground, or at no possible place. ``checked``: time of the last check [s]."""
 
     def __init__(self, ground: Ground, config: FallConfig) -> None:
         self.config = config
@@ -32,8 +32,8 @@ class Falls:
         return {self._name(slot): core.last_ground(slot) for slot in core.find_falling()}
 
     def check(self, time: float) -> tuple[str, dict[str, str]]:
-        """Look at all awake bodies at ``time`` [s], for falling ones if that is due. Returns a line about those that
-        began to fall, empty if none did, and, by name, why bodies are lost."""
+        """Check all awake bodies at ``time`` [s]; falling ones only if a period is over since the last check. Returns a
+        line about bodies that began to fall, empty if none did; and why bodies are lost, by name."""
         core, config = self._ground.contacts.core, self.config
         if nowhere := core.find_nowhere(FARTHEST_BODY):
             return "", {self._name(slot): NOWHERE for slot in nowhere}

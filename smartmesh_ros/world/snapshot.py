@@ -60,10 +60,12 @@ class Snapshot:
 
 @dataclass(frozen=True, kw_only=True)
 class WorldState:
-    """All that a world goes on from, to be used once: its bodies, its ``terrain`` and ``soil`` (``tile``: which one
-    gives way), what its decks are ``carried`` by, its settings and ``seed``, the ``first`` terrain, what the ground
-    knows of the past of bodies (``memory``), and when it was last looked which of them fall (``falls``) [s].
-    ``extra``: of whoever saved it."""
+    """The whole state of a world, to be restored once, because the world takes its objects.
+
+    ``snapshot``: the bodies. ``soil``: state of the soil, None = there is none; ``tile``: the tile that gives way.
+    ``carried``: carriers of decks, by deck. ``first``: terrain at the start of episodes. ``memory``: past of the bodies
+    that the ground knows. ``falls`` [s]: time of the last check for falling bodies. ``extra``: what the caller of
+    `World.save` added."""
 
     snapshot: Snapshot
     terrain: Terrain

@@ -14,7 +14,7 @@ from smartmesh_ros.terrain.noise_check import NO_FINDINGS, NoiseCheck
 
 # The log repeats a warning only after this long without one [s]; the diagnostics show it as long as it holds.
 LOG_PAUSE = 600.0
-# Of so many rows and columns, one is looked at first for ground [samples].
+# Spacing of the samples that are searched for ground before all others [samples].
 SPARSE = 16
 # Heights (rows, columns) of a map or a part of it [m].
 Heights = NDArray[np.floating[Any]]

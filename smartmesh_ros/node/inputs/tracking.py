@@ -134,7 +134,7 @@ def _velocity(before: BodyState, after: BodyState, interval: float) -> FloatArra
 
 
 def _with_velocity(state: BodyState, change: FloatArray, before: FloatArray | None) -> BodyState:
-    """Return a state with the velocity of the last change of pose, as far as the change ``before`` confirms it."""
+    """Return a state with the velocity of the last change of pose, reduced to what the change ``before`` confirms."""
     if before is not None:
         change = np.stack([_confirmed(part, part_before) for part, part_before in zip(change, before, strict=True)])
     linear, angular = change.tolist()

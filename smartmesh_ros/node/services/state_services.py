@@ -98,7 +98,7 @@ def _file_of(name: str) -> Path:
 
 
 def _require_same_settings(state: WorldState, settings: Settings) -> None:
-    """Raise `InputError` if a state was saved with other parameters, with which the run would not go on."""
+    """Raise `InputError` if a state was saved with other parameters, because the run would evolve differently."""
     found = [*_differences("", state.config, settings.world)]
     for mesh in state.terrain.meshes:
         found += _differences("terrain.", mesh.motion, settings.motion)

@@ -1,4 +1,4 @@
-"""Numbers that PyBullet takes otherwise than URDF means them: moments of inertia, axes, and limits without zero."""
+"""Numbers that PyBullet and URDF understand differently: moments of inertia, axes, and limits that exclude zero."""
 
 from __future__ import annotations
 

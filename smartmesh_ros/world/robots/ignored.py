@@ -1,4 +1,4 @@
-"""What a description says about motion and has no effect here, so that the user is told."""
+"""Elements of a description that would change motion elsewhere and have no effect here."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _OF_CONTACTS = ("contact_cfm", "contact_erp")
 
 
 def ignored_in(robot: Description) -> str:
-    """Return a note about what a robot's description says in vain, empty if that is nothing."""
+    """Return a note about the elements of a robot that have no effect here; empty if there are none."""
     places: dict[str, dict[str, None]] = defaultdict(dict)  # by what they say
     for what, where in (*_in_gazebo(robot), *_in_links(robot), *_in_joints(robot)):
         places[what][where] = None

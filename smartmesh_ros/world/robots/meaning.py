@@ -1,4 +1,4 @@
-"""What a description says and PyBullet's loader ignores: roots without mass, joints that mimic others, and driven
+"""Elements of a description that PyBullet's loader ignores: roots without mass, joints that mimic others, and driven
 surfaces, such as tracks.
 
 The last are an element of this package, which other loaders skip:
