@@ -9,6 +9,9 @@ import numpy as np
 from smartmesh_ros.ground.state import Quaternion, Vector
 from smartmesh_ros.terrain.grid import FloatArray
 
+X: Vector = (1.0, 0.0, 0.0)
+Y: Vector = (0.0, 1.0, 0.0)
+Z: Vector = (0.0, 0.0, 1.0)
 # Angle between two quaternions below which the arc equals a straight line in double precision [rad].
 STRAIGHT = 1e-6
 # Length of a quaternion's vector part below which it is half of the rotation vector in double precision.
@@ -25,6 +28,12 @@ def product(a: Quaternion, b: Quaternion) -> Quaternion:
         aw * bz + ax * by - ay * bx + az * bw,
         aw * bw - ax * bx - ay * by - az * bz,
     )
+
+
+def about(axis: Vector, angle: float) -> Quaternion:
+    """The rotation by an ``angle`` [rad] about a unit vector."""
+    (x, y, z), sine = axis, math.sin(0.5 * angle)
+    return x * sine, y * sine, z * sine, math.cos(0.5 * angle)
 
 
 def conjugate(q: Quaternion) -> Quaternion:

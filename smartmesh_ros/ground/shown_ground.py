@@ -15,7 +15,7 @@ import pybullet as pb
 from numpy.typing import NDArray
 
 from smartmesh_ros.ground.bullet import undone
-from smartmesh_ros.ground.quaternions import quaternion_of
+from smartmesh_ros.ground.quaternions import Z, about, quaternion_of
 from smartmesh_ros.ground.state import Quaternion
 from smartmesh_ros.ground.transform import IDENTITY, Transform
 from smartmesh_ros.terrain.colours import ground_colours
@@ -191,8 +191,7 @@ class ShownGround:
 def quarter_turn(yaw: float) -> Quaternion:
     """Orientation (x, y, z, w) of the body of a height field over a grid with a ``yaw`` [rad]: 90 degrees more, see
     `replace_heights`."""
-    half = 0.5 * (yaw + 0.5 * math.pi)
-    return 0.0, 0.0, math.sin(half), math.cos(half)
+    return about(Z, yaw + 0.5 * math.pi)
 
 
 def make_shape(client: Any, rows: int, columns: int, spacing: float, bound: float) -> int:

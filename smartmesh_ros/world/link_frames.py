@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -10,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pybullet as pb
 
-from smartmesh_ros.ground.quaternions import conjugate, product, rotate
+from smartmesh_ros.ground.quaternions import about, conjugate, product, rotate
 from smartmesh_ros.ground.state import BodyState, Vector
 from smartmesh_ros.ground.transform import IDENTITY, Transform, added, fixed_to
 from smartmesh_ros.terrain.grid import FloatArray
@@ -96,11 +95,10 @@ class LinkFrames:
 
 def _moved(frame: LinkFrame, kind: int, axis: Vector, position: float) -> LinkFrame:
     """Return the frame of a link whose joint is at a ``position`` [rad, m] instead of zero."""
-    x, y, z = axis
     if kind == pb.JOINT_REVOLUTE:
-        sine = math.sin(0.5 * position)
-        motion = Transform(rotation=(x * sine, y * sine, z * sine, math.cos(0.5 * position)))
+        motion = Transform(rotation=about(axis, position))
     elif kind == pb.JOINT_PRISMATIC:
+        x, y, z = axis
         motion = Transform((x * position, y * position, z * position))
     else:
         return frame

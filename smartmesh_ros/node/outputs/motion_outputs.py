@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import array
-import math
 from typing import Any
 
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu as ImuMessage
 from std_msgs.msg import Header
 
-from smartmesh_ros.ground.quaternions import quaternion_of
+from smartmesh_ros.ground.quaternions import Z, about, quaternion_of
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.node.inputs.transform_input import TransformInput
@@ -95,7 +94,7 @@ class OdometryOutput:
 def odometry_pose(base: Base) -> Transform:
     """Return the pose of the root link of a base in the frame of its odometry."""
     found = base.odometry
-    return Transform((found.x, found.y, 0.0), (0.0, 0.0, math.sin(0.5 * found.yaw), math.cos(0.5 * found.yaw)))
+    return Transform((found.x, found.y, 0.0), about(Z, found.yaw))
 
 
 def deck_state(frame: Frame) -> BodyState:

@@ -14,7 +14,7 @@ from rclpy.exceptions import InvalidTopicNameException
 from rclpy.validate_topic_name import validate_topic_name
 
 from smartmesh_ros.errors import InputError, suggestion
-from smartmesh_ros.ground.quaternions import product
+from smartmesh_ros.ground.quaternions import X, Y, Z, about, product
 from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Shape, Solid, shape_from
 from smartmesh_ros.ground.state import Quaternion, Vector
 from smartmesh_ros.terrain.height_scan import HeightScan
@@ -204,11 +204,7 @@ def _deck_entry(found: dict[str, Any], _: int) -> DeckEntry:
     if type(thickness) not in (int, float) or not thickness >= 0.0:
         raise InputError("parameter", "the thickness is a number of metres, zero or more")
     roll, pitch, yaw = _three(found.get("rpy", [0.0, 0.0, 0.0]), "rpy")
-    turns: list[Quaternion] = [
-        (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)), (0.0, math.sin(0.5 * pitch), 0.0, math.cos(0.5 * pitch)),
-        (math.sin(0.5 * roll), 0.0, 0.0, math.cos(0.5 * roll)),
-    ]  # fmt: skip
-    orientation = product(product(turns[0], turns[1]), turns[2])
+    orientation = product(product(about(Z, yaw), about(Y, pitch)), about(X, roll))
     at = _three(found.get("at", [0.0, 0.0, 0.0]), "at")
     source = sources[0]
     return DeckEntry(names["deck"], source, names[source], names.get("link", ""), float(thickness), at, orientation)

@@ -21,7 +21,7 @@ from smartmesh_msgs.srv import CastRays
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.quaternions import product
+from smartmesh_ros.ground.quaternions import Y, about, product
 from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.node.outputs.cdr import doubles
 from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
@@ -173,8 +173,7 @@ class TerrainSensor(ParameterNode):
             return
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._frames = self.create_publisher(kind, "/tf_static", latched)
-        half = 0.5 * self.sensor.pitch
-        turn = product((0.0, float(np.sin(half)), 0.0, float(np.cos(half))), OPTICAL)
+        turn = product(about(Y, self.sensor.pitch), OPTICAL)
         x, y, z = self.sensor.position_b
         pose = Transform(
             translation=Vector3(x=x, y=y, z=z), rotation=Quaternion(**dict(zip("xyzw", turn, strict=True)))

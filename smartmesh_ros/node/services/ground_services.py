@@ -11,7 +11,7 @@ from smartmesh_msgs.srv import CastRays, QueryGround
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError, listed
-from smartmesh_ros.ground.quaternions import rotate
+from smartmesh_ros.ground.quaternions import X, Y, Z, rotate
 from smartmesh_ros.ground.transform import IDENTITY, Transform
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.cdr import doubles
@@ -45,8 +45,7 @@ class AskedFrame:
     @property
     def rotation(self) -> FloatArray:
         """From the frame to the terrain's frame (3, 3)."""
-        axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-        return np.array([rotate(self.transform.rotation, axis) for axis in axes]).T
+        return np.array([rotate(self.transform.rotation, axis) for axis in (X, Y, Z)]).T
 
     def points_w(self, points: FloatArray) -> FloatArray:
         """Return points (N, 3) [m] in the terrain's frame; z may be infinite if the frame is level."""
@@ -69,7 +68,7 @@ class AskedFrame:
 
     def require_level(self, frame_id: str) -> None:
         """Raise `InputError` if the frame's z axis is not vertical."""
-        x, y, z = rotate(self.transform.rotation, (0.0, 0.0, 1.0))
+        x, y, z = rotate(self.transform.rotation, Z)
         tilt = math.hypot(x, y)
         if tilt > LEVEL or z < 0.0:
             degrees = math.degrees(math.atan2(tilt, z))

@@ -14,6 +14,7 @@ from typing import Any
 from std_msgs.msg import String
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.quaternions import Z, about
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.services.body_entries import Entry, entries_from, start_from
@@ -34,7 +35,7 @@ def state_of(world: World, entry: Entry) -> BodyState | None:
         if math.isnan(height):
             return None
         position = (x, y, height + (entry.above or 0.0))
-    return BodyState(position, (0.0, 0.0, math.sin(0.5 * entry.yaw), math.cos(0.5 * entry.yaw)))
+    return BodyState(position, about(Z, entry.yaw))
 
 
 def adding(
