@@ -30,9 +30,9 @@ from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.quaternions import conjugate, rotate
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.outputs.cdr import ArrayMessage, fields_of, stamp_fields
-from smartmesh_ros.node.services.files import urdf_text
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.contacts import GroundContact
+from smartmesh_ros.world.robots.description import urdf_text
 from smartmesh_ros.world.state_table import StateTable
 from smartmesh_ros.world.world import World
 

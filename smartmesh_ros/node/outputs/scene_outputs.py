@@ -22,11 +22,10 @@ from smartmesh_ros.node.inputs.conversions import RobotNames
 from smartmesh_ros.node.outputs.cdr import ArrayMessage, fields_of, stamp_fields
 from smartmesh_ros.node.outputs.ground_view import GroundView, ground_points, window_around
 from smartmesh_ros.node.outputs.patch_outputs import deletion
-from smartmesh_ros.node.services.files import urdf_text
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.world.bodies import Body
-from smartmesh_ros.world.robots.description import is_text, named_file
+from smartmesh_ros.world.robots.description import is_text, named_file, urdf_text
 from smartmesh_ros.world.states import SimulatedStates, body_table
 from smartmesh_ros.world.world import World
 

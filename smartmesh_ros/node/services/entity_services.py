@@ -16,10 +16,11 @@ from smartmesh_ros.ground.transform import Transform, fixed_to
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.outputs.body_outputs import pose_message, twist_message
 from smartmesh_ros.node.services.entities import own_bounds, select
-from smartmesh_ros.node.services.files import allowed_folders, files_in, robot_name, urdf_text, with_package_paths
+from smartmesh_ros.node.services.files import allowed_folders, files_in, robot_name, with_package_paths
 from smartmesh_ros.node.services.standard import Standard, tagged
 from smartmesh_ros.node.session import REFUSED, require_name
 from smartmesh_ros.world.bodies import Body
+from smartmesh_ros.world.robots.description import urdf_text
 
 _POSE_REASONS = dict.fromkeys(("frame", "non_finite", "quaternion"), "INVALID_POSE")
 _SPAWN_REASONS = {

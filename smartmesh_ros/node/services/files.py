@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
@@ -16,7 +15,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.urdf import UrdfRules, checked_urdf, require_inside
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.services.turns import NextTurn
-from smartmesh_ros.world.robots.description import is_text, package_folder, xml_of
+from smartmesh_ros.world.robots.description import ament_prefixes, is_text, package_folder, xml_of
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.robots.workshop import WORKSHOP
 
@@ -28,16 +27,6 @@ BYTE_ORDER_MARK = "\ufeff"
 def robot_name(urdf: str) -> str:
     """Return the robot's name in a URDF text, or "". Raises `InputError` if the text is no URDF."""
     return xml_of(urdf.removeprefix(BYTE_ORDER_MARK)).get("name") or ""
-
-
-def urdf_text(urdf: str) -> str:
-    """Return the text of a URDF file; text is returned as is. Raises `InputError` if the file cannot be read."""
-    if is_text(urdf):
-        return urdf
-    try:
-        return Path(urdf).read_text()
-    except (OSError, ValueError) as error:
-        raise InputError("urdf", f"there is no URDF file {urdf!r} ({error})") from None
 
 
 def with_package_paths(urdf: str) -> str:
@@ -64,8 +53,7 @@ def allowed_folders(settings: Settings) -> tuple[Path, ...]:
     """Return the folders from which peers may let files be loaded."""
     if settings.urdf_folders:
         return tuple(Path(folder).expanduser() for folder in settings.urdf_folders)
-    prefixes = [prefix for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
-    return Path(pybullet_data.getDataPath()), *(Path(prefix) / "share" for prefix in prefixes)
+    return Path(pybullet_data.getDataPath()), *(prefix / "share" for prefix in ament_prefixes())
 
 
 def files_in(

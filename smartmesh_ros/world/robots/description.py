@@ -68,26 +68,27 @@ def is_text(urdf: str) -> bool:
     return urdf.lstrip().startswith("<")
 
 
+def urdf_text(urdf: str) -> str:
+    """Return the text of a URDF file; a text is returned as it is. Raises `InputError` if the file cannot be read."""
+    if is_text(urdf):
+        return urdf
+    path = Path(urdf)
+    try:
+        if path.is_file():
+            return path.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise InputError("urdf", f"URDF file {urdf!r} cannot be read: {error}") from None
+    raise InputError("urdf", f"there is no URDF file {urdf[:200]!r}")
+
+
 def read_description(urdf: str) -> Description:
     """Parse a robot from its URDF text, or from the path of its file. Raises `InputError` if the file cannot be read,
     or the text is no robot whose links and joints form a tree."""
-    if is_text(urdf):
-        return _parsed(urdf, None)
-    path = Path(urdf)
-    try:
-        text = path.read_text(encoding="utf-8") if path.is_file() else None
-    except (OSError, ValueError) as error:
-        raise InputError("urdf", f"URDF file {urdf!r} cannot be read: {error}") from None
-    if text is None:
-        raise InputError("urdf", f"there is no URDF file {urdf[:200]!r}")
-    return _parsed(text, path.parent)
-
-
-def _parsed(text: str, folder: Path | None) -> Description:
-    robot = xml_of(text)
+    robot = xml_of(urdf_text(urdf))
     _require_expanded(robot)
     links = _named(robot, "link")
     joints = tuple(_joint(element, name, links) for name, element in _named(robot, "joint").items())
+    folder = None if is_text(urdf) else Path(urdf).parent
     return Description(robot, folder, links, joints, _root(links, joints))
 
 
@@ -194,16 +195,21 @@ def _root(links: dict[str, ElementTree.Element], joints: tuple[Joint, ...]) -> s
 _SCHEME = re.compile(r"(package|model|file)://(?:(?<=file://)localhost(?=/))?")
 
 
+def ament_prefixes() -> list[Path]:
+    """Return where ROS packages are installed, by the environment's AMENT_PREFIX_PATH."""
+    return [Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
+
+
 def package_folder(name: str) -> Path | None:
-    """Return the share folder of a ROS package by the environment's AMENT_PREFIX_PATH, or the folder of
-    ``pybullet_data`` by that name; None if there is none."""
+    """Return the share folder of an installed ROS package, or the folder of ``pybullet_data`` by that name; None if
+    there is none."""
     if name == "pybullet_data":
         return Path(pybullet_data.getDataPath())
     if not name or "/" in name or name.startswith("."):
         return None
-    for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
-        if (Path(prefix) / "share/ament_index/resource_index/packages" / name).is_file():
-            return Path(prefix) / "share" / name
+    for prefix in ament_prefixes():
+        if (prefix / "share/ament_index/resource_index/packages" / name).is_file():
+            return prefix / "share" / name
     return None
 
 
