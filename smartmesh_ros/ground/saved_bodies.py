@@ -73,10 +73,6 @@ class SavedBodies(AttachedBodies):
         """Forget the past of all bodies but poses and velocities: contacts, their impulses and order, rest, and how the
         soil was sheared; what sleeps wakes. Worlds that are equal then evolve equally, even with different pasts."""
         self.contacts.forget()
-        self._start_anew()
-
-    def _start_anew(self) -> None:
-        """Write prints of the soil with the next update, as if there had been none."""
         self._printed = math.nan
 
     def _state(self) -> bytes:
@@ -127,7 +123,7 @@ class SavedBodies(AttachedBodies):
             if follower.solid:
                 contacts.drive(follower)
         contacts.recall([follower.slot for follower in self.followers], known["memory"])
-        self._start_anew()
+        self._printed = math.nan  # the next update writes prints of the soil, as if there had been none
 
     def _soil_undone(self) -> Callable[[], None]:
         """Return what makes the soil be as it is now."""

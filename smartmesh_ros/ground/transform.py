@@ -14,6 +14,11 @@ class Transform(NamedTuple):
     translation: Vector = (0.0, 0.0, 0.0)
     rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
+    @classmethod
+    def of(cls, state: BodyState) -> Transform:
+        """Return the pose of a state."""
+        return cls(state.position, state.orientation)
+
     def then(self, inner: Transform) -> Transform:
         """Return ``inner``, given in this frame, as a transform in the outer frame."""
         (x, y, z), (dx, dy, dz) = self.translation, rotate(self.rotation, inner.translation)
@@ -27,7 +32,7 @@ class Transform(NamedTuple):
 
     def apply(self, state: BodyState) -> BodyState:
         """Return a body's state in the outer frame. The twist is rotated only, as if the frames were at rest."""
-        position, orientation = self.then(Transform(state.position, state.orientation))
+        position, orientation = self.then(Transform.of(state))
         return BodyState(
             position, orientation, rotate(self.rotation, state.linear), rotate(self.rotation, state.angular)
         )

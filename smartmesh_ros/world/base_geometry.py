@@ -19,6 +19,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import conjugate, product, rotate
 from smartmesh_ros.ground.shapes import ShapeKind
 from smartmesh_ros.ground.state import BodyState, Vector
+from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.base_config import BaseConfig
 from smartmesh_ros.world.bodies import Body
@@ -235,11 +236,11 @@ def _middle(frame: BodyState, points: list[tuple[FloatArray, float]]) -> Vector:
 def _points(client: Any, body: Body, index: int) -> Iterator[tuple[FloatArray, float]]:
     """Yield the outermost points (3,) [m] of a link's shape, in the frame of the link, each with the rounding radius
     [m] around it."""
-    centre, turn = client.getDynamicsInfo(body.uid, index)[3:5]
+    centre = Transform(*client.getDynamicsInfo(body.uid, index)[3:5])
     for part in body.shapes[index].parts:
+        placed = centre.then(Transform(part.offset, part.orientation))
         for x, y, z in _corners(part).tolist():
-            point = np.add(part.offset, rotate(part.orientation, (x, y, z)))
-            yield np.array(centre) + rotate(turn, tuple(point)), part.rounding
+            yield np.array(placed.then(Transform((x, y, z))).translation), part.rounding
 
 
 def _corners(shape: BodyShape) -> FloatArray:

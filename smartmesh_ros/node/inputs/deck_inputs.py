@@ -6,12 +6,10 @@ from collections.abc import Mapping
 from functools import partial
 from typing import NamedTuple
 
-import numpy as np
 from nav_msgs.msg import Odometry
 
-from smartmesh_ros.ground.quaternions import rotate
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.ground.transform import Transform
+from smartmesh_ros.ground.transform import Transform, fixed_to
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.body_inputs import BEST_EFFORT
 from smartmesh_ros.node.inputs.source_clocks import SourceClocks
@@ -99,16 +97,14 @@ class DeckInputs:
     def _move(self, name: str, state: BodyState, stamp: float | None, *, stated: bool) -> None:
         """Move a deck with the frame that is in a ``state`` at a ``stamp`` [s]. Raises `InputError`."""
         entry, deck = self._entries[name], self.decks[name]
-        own = Transform(state.position, state.orientation).then(Transform(entry.at, entry.orientation))
-        arm = rotate(state.orientation, entry.at)
-        velocity = np.add(state.linear, np.cross(state.angular, arm)) if stated else None
-        spin = state.angular if stated else None
+        own = fixed_to(state, Transform(entry.at, entry.orientation))
+        velocity, spin = (own.linear, own.angular) if stated else (None, None)
         with self._clocks.placing(_source(name), stamp) as placed:
             if placed.fresh:  # times before it were those of another clock
-                deck.place(own.translation, own.rotation, time=placed.time)
+                deck.place(own.position, own.orientation, time=placed.time)
             elif placed.lost:
                 deck.shift_frame(-placed.lost)
-            deck.move(own.translation, own.rotation, time=placed.time, velocity=velocity, spin=spin)
+            deck.move(own.position, own.orientation, time=placed.time, velocity=velocity, spin=spin)
         self._enter(name)
 
     def _enter(self, name: str) -> None:

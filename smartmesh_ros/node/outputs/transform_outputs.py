@@ -97,8 +97,7 @@ class TransformOutputs:
         for name, body in world.bodies.items():
             if not body.simulated:
                 continue
-            state = world.base_state(name)
-            pose = Transform(state.position, state.orientation)
+            pose = Transform.of(world.base_state(name))
             if not body.is_robot:
                 yield OwnFrame(terrain, name, pose)
                 continue

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.quaternions import rotate
+from smartmesh_ros.ground.quaternions import rotated
 from smartmesh_ros.node.services.standard import tagged
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.bodies import Body, bounds_of
@@ -73,7 +73,6 @@ def own_bounds(body: Body) -> tuple[FloatArray, FloatArray]:
     positions zero in the frame of the root link."""
     box = body.outline.body_shape
     half, centre = np.add(box.half, box.rounding), np.array(box.offset)
-    position, orientation = body.inertial
     own = centre + half * np.array(list(product((-1.0, 1.0), repeat=3)))
-    corners = [np.array(position) + rotate(orientation, (x, y, z)) for x, y, z in own]
+    corners = body.inertial.translation + rotated(np.array(body.inertial.rotation), own)
     return np.min(corners, axis=0), np.max(corners, axis=0)

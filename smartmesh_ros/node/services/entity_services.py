@@ -185,8 +185,7 @@ class EntityServices:
         if frame == session.frame_id or frame not in session.world.bodies:
             session.require_frame(frame)
             return state
-        base = session.world.base_state(frame)
-        return Transform(base.position, base.orientation).apply(state)
+        return Transform.of(session.world.base_state(frame)).apply(state)
 
 
 def _urdf_of(resource: Any) -> str:

@@ -103,8 +103,7 @@ def asked_frame(session: Session, transforms: TransformInput, header: Any) -> As
 def _transform(session: Session, transforms: TransformInput, frame_id: str, stamp: float | None) -> Transform:
     """Return the pose of a frame in the terrain's frame: of a body of that name, or else of a frame of TF."""
     if frame_id in session.world.bodies and frame_id != session.frame_id:
-        state = session.world.base_state(frame_id)
-        return Transform(state.position, state.orientation)
+        return Transform.of(session.world.base_state(frame_id))
     listening = transforms.listening
     try:
         return transforms.to_terrain(frame_id, stamp) or IDENTITY
