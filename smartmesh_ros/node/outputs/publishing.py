@@ -103,25 +103,7 @@ class Publishing:
             session, String, "~/robot_model", partial(shown_robot, session.world, session.robot_names), robot_model
         )
         self._qos = QoSProfile(depth=10)
-        self._outputs = {
-            "patches": self._output(MarkerArray, "~/patches", self._make_patches),
-            "collider_patches": self._output(ColliderPatchArray, "~/collider_patches", self._make_collider_patches),
-            "body_states": self._output(TrackedBodyArray, "~/body_states", self._make_body_states),
-            "contacts": self._output(ContactArray, "~/contacts", self._make_contacts),
-            "timing": self._output(Timing, "~/timing", self._make_timing),
-            "joint_states": self._output(JointState, "~/joint_states", self._make_joint_states),
-            "odometry": self._output(Odometry, "~/odometry", self._make_odometry),
-            "contact_wrenches": self._output(
-                ContactWrenchArray,
-                "~/contact_wrenches",
-                lambda: body_outputs.contact_wrenches(self._header(), self._world),
-            ),
-            "pressed_ground": self._output(HeightmapUpdate, "~/pressed_ground", self._make_pressed_ground),
-            "scene": self._output(MarkerArray, "~/scene", self._make_scene),
-        }
-        grid_map = find_message("grid_map_msgs", "GridMap")
-        if grid_map is not None:
-            self._outputs["sinkage"] = self._output(grid_map, "~/sinkage", partial(self._make_sinkage, grid_map))
+        self._outputs = self._new_outputs()
         self._sunk = -1  # revision of the map in the last message on ~/sinkage
         settings, qos = session.settings, self._qos
         self._of_entries: dict[str, list[Any]] = {
@@ -140,6 +122,27 @@ class Publishing:
             output.rhythm = Rhythm(place / (len(self._outputs) * max(settings.publish.of(name), 1.0)))
         self._handled = 0  # messages and calls at the last time
         self._timing_window = PaceWindow(session)
+
+    def _new_outputs(self) -> dict[str, _Output]:
+        """Return the outputs that have a rate of their own, by the names of their topics and of their rates."""
+        made: dict[str, tuple[Any, Callable[[], Any]]] = {
+            "patches": (MarkerArray, self._make_patches),
+            "collider_patches": (ColliderPatchArray, self._make_collider_patches),
+            "body_states": (TrackedBodyArray, self._make_body_states),
+            "contacts": (ContactArray, self._make_contacts),
+            "timing": (Timing, self._make_timing),
+            "joint_states": (JointState, self._make_joint_states),
+            "odometry": (Odometry, self._make_odometry),
+            "contact_wrenches": (ContactWrenchArray, self._make_contact_wrenches),
+            "pressed_ground": (HeightmapUpdate, self._make_pressed_ground),
+            "scene": (MarkerArray, self._make_scene),
+        }
+        if (grid_map := find_message("grid_map_msgs", "GridMap")) is not None:
+            made["sinkage"] = grid_map, partial(self._make_sinkage, grid_map)
+        return {
+            name: _Output(self._session.publisher(kind, f"~/{name}", self._qos), make, Audience(self._now))
+            for name, (kind, make) in made.items()
+        }
 
     def publish(self, *, now: bool = False, idle: bool = False) -> None:
         """Publishes every output that has subscribers and is due. ``now``: due or not. ``idle``: without a step, also
@@ -195,9 +198,6 @@ class Publishing:
             for message in made if isinstance(made, list) else [made]:
                 output.publisher.publish(message)
 
-    def _output(self, kind: Any, topic: str, make: Callable[[], Any]) -> _Output:
-        return _Output(self._session.publisher(kind, topic, self._qos), make, Audience(self._now))
-
     def _header(self) -> Header:
         return Header(stamp=self._session.stamp_now(), frame_id=self._session.frame_id)
 
@@ -242,6 +242,9 @@ class Publishing:
         robots = [(frame_of(session, name), world.base_state(name)) for name in session.robot_names.prefixes()]
         decks = [(name, deck_state(deck.frame(world.time))) for name, deck in world.terrain.decks.items()]
         return [body_outputs.odometry(self._header(), child, state) for child, state in (*robots, *decks)]
+
+    def _make_contact_wrenches(self) -> ContactWrenchArray:
+        return body_outputs.contact_wrenches(self._header(), self._world)
 
     def _make_pressed_ground(self) -> list[HeightmapUpdate]:
         """Return the message of what changed in the soil, if any did."""
