@@ -78,3 +78,8 @@ def link_name(client: Any, body: int, link: int) -> str:
     """Return the name of a link, or of the base (-1)."""
     name: bytes = client.getBodyInfo(body)[0] if link < 0 else client.getJointInfo(body, link)[12]
     return name.decode(errors="replace")
+
+
+def link_names(client: Any, body: int) -> list[str]:
+    """Return the names of all links of a body, the base first."""
+    return [link_name(client, body, link) for link in range(-1, client.getNumJoints(body))]

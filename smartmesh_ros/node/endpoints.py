@@ -11,11 +11,11 @@ from itertools import product
 from time import monotonic
 from typing import Any
 
-from rclpy.qos import DurabilityPolicy, QoSCompatibility, qos_check_compatible
+from rclpy.qos import QoSCompatibility, qos_check_compatible
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.settings import Settings
-from smartmesh_ros.node.transport import Transport
+from smartmesh_ros.node.transport import LATCHED, Transport
 
 # Name in the ROS graph of a node whose name has not arrived.
 UNKNOWN = "_NODE_NAME_UNKNOWN_"
@@ -115,8 +115,7 @@ def unheard_latched(node: Transport, subscriptions: Iterable[Any]) -> str:
         ends = node.get_subscriptions_info_by_topic(topic)
         taken = [end.qos_profile.durability for end in ends if (end.node_name, end.node_namespace) == own]
         given = [end.qos_profile.durability for end in node.get_publishers_info_by_topic(topic)]
-        latched = DurabilityPolicy.TRANSIENT_LOCAL
-        if latched in given and taken and latched not in taken:
+        if LATCHED.durability in given and taken and LATCHED.durability not in taken:
             parameter = f"qos_overrides.{topic}.subscription.durability"
             return f"{topic} has a latched publisher; if that sent its map before, set {parameter} to transient_local"
     return ""

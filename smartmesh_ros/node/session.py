@@ -11,7 +11,7 @@ from typing import Any
 import pybullet as pb
 from builtin_interfaces.msg import Time
 from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 
 from smartmesh_ros.errors import InputError, listed
 from smartmesh_ros.ground.state import BodyState
@@ -34,8 +34,6 @@ from smartmesh_ros.world.world import World
 Act = Callable[[Any, Any], Any]
 # Queue depth of requests and responses. The default of ROS drops all but ten.
 SERVICES = QoSProfile(depth=2000)
-# Late subscribers receive the last message.
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # Errors that end a message or call, and leave the world as it was.
 REFUSED = (InputError, pb.error)
 # Errors of a step or an output that the node outlives.

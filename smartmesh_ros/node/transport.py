@@ -9,6 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Protocol
 
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+# Quality of service of a topic whose late subscribers receive the last message.
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
 
 class Clock(Protocol):
     """The time of a node."""

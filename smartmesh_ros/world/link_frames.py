@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pybullet as pb
 
+from smartmesh_ros.ground.body_shapes import link_names
 from smartmesh_ros.ground.quaternions import about, conjugate, product, rotate
 from smartmesh_ros.ground.state import BodyState, Vector
 from smartmesh_ros.ground.transform import IDENTITY, Transform, added, fixed_to
@@ -30,8 +31,8 @@ def frame_pose(centre: FloatArray, inertial: Transform) -> FloatArray:
 
 def link_index(client: Any, uid: int, name: str) -> int | None:
     """Return PyBullet's index of a robot's link, -1 = the root; None if there is none of that name."""
-    names = [client.getBodyInfo(uid)[0], *(client.getJointInfo(uid, k)[12] for k in range(client.getNumJoints(uid)))]
-    return names.index(name.encode()) - 1 if name.encode() in names else None
+    names = link_names(client, uid)
+    return names.index(name) - 1 if name in names else None
 
 
 class LinkFrame(NamedTuple):
@@ -52,12 +53,13 @@ class LinkFrames:
         self._client, self._uid = client, uid
         joints = [client.getJointInfo(uid, index) for index in range(client.getNumJoints(uid))]
         inertial = [Transform(*client.getDynamicsInfo(uid, index)[3:5]) for index in range(-1, len(joints))]
-        self.rest = [LinkFrame(client.getBodyInfo(uid)[0].decode(), -1)]
+        names = link_names(client, uid)
+        self.rest = [LinkFrame(names[0], -1)]
         self.axes: list[tuple[int, Vector]] = []
         for index, joint in enumerate(joints):
             parent, turn = joint[16] + 1, inertial[index + 1].rotation
             between = Transform(joint[14], product(conjugate(joint[15]), conjugate(turn)))
-            self.rest.append(LinkFrame(joint[12].decode(), parent, inertial[parent].then(between)))
+            self.rest.append(LinkFrame(names[index + 1], parent, inertial[parent].then(between)))
             self.axes.append((joint[2], rotate(turn, joint[13])))
 
     def read(self) -> list[LinkFrame]:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from shape_msgs.msg import SolidPrimitive
 
 from smartmesh_ros.errors import InputError, listed
+from smartmesh_ros.ground.body_shapes import link_names
 from smartmesh_ros.ground.quaternions import rotate
 from smartmesh_ros.ground.shapes import SHAPES, Shape, ShapeKind, Solid, shape_from, shape_of
 from smartmesh_ros.ground.state import BodyState
@@ -136,10 +137,9 @@ class RobotNames:
 
     def _names(self, body: Body) -> set[str]:
         """Return the names of a robot's joints, driven surfaces and links."""
-        client = self._world.client
-        infos = [client.getJointInfo(body.uid, index) for index in range(client.getNumJoints(body.uid))]
-        names = (client.getBodyInfo(body.uid)[0], *(info[1] for info in infos), *(info[12] for info in infos))
-        return {name.decode() for name in names} | set(body.surfaces)
+        client, links = self._world.client, link_names(self._world.client, body.uid)
+        joints = (client.getJointInfo(body.uid, index)[1].decode() for index in range(len(links) - 1))
+        return {*joints, *links, *body.surfaces}
 
 
 def joint_commands_from(message: Any, world: World, prefixes: Mapping[str, str]) -> list[tuple[str, str, JointCommand]]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from smartmesh_ros.node.session import LATCHED, Session
+from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.transport import LATCHED
 
 # Period of the check for changes [s].
 PERIOD = 0.1

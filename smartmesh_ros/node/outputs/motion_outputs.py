@@ -9,6 +9,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu as ImuMessage
 from std_msgs.msg import Header
 
+from smartmesh_ros.ground.body_shapes import link_name
 from smartmesh_ros.ground.quaternions import Z, about, quaternion_of
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.ground.transform import Transform
@@ -109,7 +110,7 @@ def frame_of(session: Session, body: str, link: str = "") -> str:
     world, prefix = session.world, session.robot_names.prefixes().get(body)
     if prefix is None:
         return body
-    return prefix + (link or world.client.getBodyInfo(world.bodies[body].uid)[0].decode())
+    return prefix + (link or link_name(world.client, world.bodies[body].uid, -1))
 
 
 def _diagonal(variance: float) -> Any:

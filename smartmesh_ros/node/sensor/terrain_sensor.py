@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 from smartmesh_msgs.srv import CastRays
 from std_msgs.msg import Header
@@ -29,6 +29,7 @@ from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.sensor.range_sensors import DepthCamera, Lidar, RangeSensor
+from smartmesh_ros.node.transport import LATCHED
 from smartmesh_ros.terrain.grid import FloatArray
 
 NAME = "terrain_sensor"
@@ -171,8 +172,7 @@ class TerrainSensor(ParameterNode):
         kind = find_message("tf2_msgs", "TFMessage")
         if self._frames is not None or kind is None:
             return
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._frames = self.create_publisher(kind, "/tf_static", latched)
+        self._frames = self.create_publisher(kind, "/tf_static", LATCHED)
         turn = product(about(Y, self.sensor.pitch), OPTICAL)
         x, y, z = self.sensor.position_b
         pose = Transform(

@@ -20,7 +20,8 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.services.body_entries import Entry, entries_from, start_from
 from smartmesh_ros.node.services.files import robot_name, with_package_paths
 from smartmesh_ros.node.services.turns import in_turns
-from smartmesh_ros.node.session import LATCHED, REFUSED, Session
+from smartmesh_ros.node.session import REFUSED, Session
+from smartmesh_ros.node.transport import LATCHED
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.standing import Parts, finished
 from smartmesh_ros.world.world import World

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import Heightmap, TrackedBodyArray
 from smartmesh_msgs.srv import SpawnBody
@@ -18,6 +17,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.running import spin
+from smartmesh_ros.node.transport import LATCHED
 from smartmesh_ros.scenes import eight
 from smartmesh_ros.tools.demo.terrain_source import heightmap_message
 
@@ -41,8 +41,7 @@ class Rover(ParameterNode):
             self._ground = eight.ground()
         except ModuleNotFoundError:
             raise InputError("terrain", "the elevation model needs Matplotlib: pip install matplotlib") from None
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._maps = self.create_publisher(Heightmap, "terrain_collider/heightmap", latched)
+        self._maps = self.create_publisher(Heightmap, "terrain_collider/heightmap", LATCHED)
         self._commands = self.create_publisher(JointState, "terrain_collider/joint_commands", 10)
         self._spawner = self.create_client(SpawnBody, "terrain_collider/spawn_body")
         self.create_subscription(TrackedBodyArray, "terrain_collider/body_states", self._steer, 10)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate
 from std_msgs.msg import Header
 
@@ -14,6 +13,7 @@ from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.running import spin
+from smartmesh_ros.node.transport import LATCHED
 from smartmesh_ros.scenes import SCENES
 from smartmesh_ros.scenes.moving import InwardWaves, Scene, Wave, jacksboro_fault
 from smartmesh_ros.terrain.grid import GridGeometry
@@ -49,8 +49,7 @@ class TerrainSource(ParameterNode):
         values = self.values
         self._frame_id, self._tile, self._mode = values["frame_id"], values["tile"], values["mode"]
         self._scene = make_scene(values)
-        qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._maps = self.create_publisher(Heightmap, "terrain_collider/heightmap", qos)
+        self._maps = self.create_publisher(Heightmap, "terrain_collider/heightmap", LATCHED)
         self._regions = self.create_publisher(HeightmapUpdate, "terrain_collider/heightmap_update", 100)
         self._start = self.get_clock().now()
         self._listeners = 0

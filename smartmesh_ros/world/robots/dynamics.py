@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from smartmesh_ros.world.robots.description import Description
-from smartmesh_ros.world.robots.quantities import LIMITED, mass_of, number_of, vector_of
+from smartmesh_ros.world.robots.quantities import LIMITED, limits_of, mass_of, number_of, vector_of
 
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 # Radius of gyration of a link that has a mass and no moment of inertia [m].
@@ -63,7 +63,7 @@ def starts_of(robot: Description) -> dict[str, float]:
     starts = {}
     for joint in robot.joints:
         for limit in joint.element.findall("limit")[:1] if joint.kind in LIMITED else ():
-            low, high = number_of(limit, "lower", 0.0), number_of(limit, "upper", -1.0)
+            low, high = limits_of(limit)
             if low <= high and not low <= 0.0 <= high:
                 starts[joint.name] = low if low > 0.0 else high
     return starts

@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 
 from smartmesh_ros.world.robots.description import Description
-from smartmesh_ros.world.robots.quantities import LIMITED, number_of
+from smartmesh_ros.world.robots.quantities import LIMITED, limits_of, number_of
 
 # Elements of Gazebo, by the lower-case name, that change how its robot moves.
 _OF_GAZEBO = frozenset(
@@ -59,7 +59,7 @@ def _in_joints(robot: Description) -> Iterator[tuple[str, str]]:
             yield "<safety_controller>", joint.name
         limit, dynamics = joint.element.find("limit"), joint.element.find("dynamics")
         if joint.kind in LIMITED and limit is not None:
-            low, high = number_of(limit, "lower", 0.0), number_of(limit, "upper", -1.0)
+            low, high = limits_of(limit)
             if low > high:
                 words = "lower above upper" if limit.get("lower") and limit.get("upper") else "no lower and upper"
                 yield f"<limit> ({words})", joint.name

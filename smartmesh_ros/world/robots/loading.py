@@ -18,6 +18,7 @@ import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.body_shapes import link_names
 from smartmesh_ros.world.robots.meaning import Mimic
 from smartmesh_ros.world.robots.prepared import PreparedRobot
 
@@ -79,7 +80,7 @@ def set_masses(client: Any, uid: int, urdf: str) -> tuple[str, str]:
     links = ElementTree.fromstring(urdf).iterfind("link")
     bare = {link.get("name", "") for link in links if link.find("inertial") is None}
     joints = [client.getJointInfo(uid, index) for index in range(client.getNumJoints(uid))]
-    names = [client.getBodyInfo(uid)[0].decode(), *(joint[12].decode() for joint in joints)]
+    names = link_names(client, uid)
     masses = [client.getDynamicsInfo(uid, index)[0] for index in range(-1, len(joints))]
     # Mass that moves with each link: its own and that of the links below it, which come later. Root first.
     moved = [0.0 if name in bare else mass for name, mass in zip(names, masses, strict=True)]

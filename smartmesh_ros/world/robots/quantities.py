@@ -101,6 +101,11 @@ def _require_finite(element: ElementTree.Element, key: str, what: str) -> list[f
     return values
 
 
+def limits_of(limit: ElementTree.Element) -> tuple[float, float]:
+    """Return the lowest and the highest position of a joint [rad, m], as PyBullet reads them; crossed = none."""
+    return number_of(limit, "lower", 0.0), number_of(limit, "upper", -1.0)
+
+
 def mass_of(link: ElementTree.Element) -> float | None:
     """Return the mass of a link [kg], None if the link has no <inertial>."""
     mass = link.find("inertial/mass")
