@@ -1,10 +1,14 @@
 // What Python sees of shapes of bodies.
 #include <nanobind/stl/array.h>
+#include <nanobind/stl/map.h>
 #include <nanobind/stl/vector.h>
 
+#include "bullet/shape_parts.h"
+#include "bullet/world.h"
 #include "python/tables.h"
 #include "shape/body_shape.h"
 #include "shape/hull_distance.h"
+#include "step/step_lock.h"
 
 namespace smartmesh {
 namespace {
@@ -20,6 +24,14 @@ BodyPose pose_at(const Triple& offset, const Quadruple& q) { return {vector_of(o
 
 BodyShape primitive(ShapeKind kind, const Vec3& half, double rounding, const Triple& offset, const Quadruple& q) {
   return BodyShape({primitive_part(kind, half, rounding, pose_at(offset, q))});
+}
+
+// Returns the shapes of a PyBullet body by link; see link_shapes.
+std::map<int, BodyShape> shapes_of(int number, int body) {
+  const StepLock lock;
+  BulletWorld* world = world_of(number);
+  if (world == nullptr) throw std::runtime_error("the PyBullet client is disconnected");
+  return link_shapes(world->bullet(), body);
 }
 
 std::vector<Vec3> points_of(const Doubles2& points) {
@@ -99,6 +111,7 @@ void add_bodies(nb::module_& m) {
       .def_ro("radius", &BodyShape::radius)
       .def_prop_ro("parts", &parts_of)
       .def_prop_ro("vertices", &vertices_of);
+  m.def("shapes_of", &shapes_of, "number"_a, "body"_a);
   m.def("distances_outside", &distances_outside, "kept"_a.noconvert(), "points"_a.noconvert());
 }
 

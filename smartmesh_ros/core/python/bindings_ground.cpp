@@ -2,11 +2,9 @@
 #include <algorithm>
 #include <limits>
 
-#include <nanobind/stl/map.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
-#include "bullet/shape_parts.h"
 #include "bullet/world.h"
 #include "python/soil_binding.h"
 #include "python/tables.h"
@@ -24,12 +22,7 @@ struct HeldWorld {
   BulletWorld* operator->() const { return world; }
 };
 
-// Returns the shapes of a PyBullet body by link; see link_shapes.
-std::map<int, BodyShape> shapes_of(int number, int body) {
-  const HeldWorld world{{}, world_of(number)};
-  if (world.world == nullptr) throw std::runtime_error("the PyBullet client is disconnected");
-  return link_shapes(world->bullet(), body);
-}
+std::tuple<double, double, double> tuple_of(const Vec3& v) { return {v.x, v.y, v.z}; }
 
 // The ground in the client of one PyBullet server, by the number that its plugin gave.
 struct Ground {
@@ -113,8 +106,7 @@ struct Ground {
   }
   void detach(int slot) {
     const HeldWorld found = world();
-    if (!found->has(slot)) throw std::invalid_argument("no attached body has this slot");
-    found->detach(slot);
+    found->detach(checked_slot(*found.world, slot));
   }
   // Sets what a slot is; see SlotKind.
   void set_kind(int slot, bool solid, bool own, bool remote) {
@@ -132,9 +124,8 @@ struct Ground {
   }
   void wake(int slot) {
     const HeldWorld found = world();
-    if (!found->has(slot)) throw std::invalid_argument("no attached body has this slot");
     found->find_objects();
-    found->wake(slot);
+    found->wake(checked_slot(*found.world, slot));
   }
   bool is_asleep(int slot) const {
     const HeldWorld found = world();
@@ -148,7 +139,6 @@ struct Ground {
     found->time = start;
     return true;
   }
-  void update() { world()->update(); }
   // Returns the slots of bodies that began to fall, and of those that are lost; see BulletWorld::check_falls.
   auto check_falls(double time, double depth) {
     const Falls found = world()->check_falls(finite(time, "the time"), depth);
@@ -156,14 +146,13 @@ struct Ground {
   }
   auto last_ground(int slot) const {
     const HeldWorld found = world();
-    const Vec3 place = found->last_ground(checked_slot(*found.world, slot));
-    return std::tuple(place.x, place.y, place.z);
+    return tuple_of(found->last_ground(checked_slot(*found.world, slot)));
   }
   // Moves the surface of the body in a slot about an axis (3,) at a `speed` [m/s]; see Belt.
   void drive(int slot, std::tuple<double, double, double> axis, double speed) {
     const auto [x, y, z] = axis;
     const HeldWorld found = world();
-    if (!found->has(slot)) throw std::invalid_argument("no attached body has this slot");
+    checked_slot(*found.world, slot);
     if (!std::isfinite(x + y + z + speed)) throw std::invalid_argument("the axis and the speed must be finite");
     const double size = norm2({x, y, z});
     if (!(size > 0.0 && std::isfinite(size))) throw std::invalid_argument("the axis must have a length");
@@ -223,11 +212,9 @@ struct Ground {
   }
   // Returns the point [m], the normal and the depth [m] of the deepest contact of a slot now, None if there is none.
   auto deepest_contact(int slot) {
-    using Vector = std::tuple<double, double, double>;
     const HeldWorld held = world();
     const auto found = held->deepest_contact(checked_slot(*held.world, slot));
-    const auto vector = [](const Vec3& v) { return Vector(v.x, v.y, v.z); };
-    return found ? std::optional(std::tuple(vector(found->point), vector(found->normal), -found->distance))
+    return found ? std::optional(std::tuple(tuple_of(found->point), tuple_of(found->normal), -found->distance))
                  : std::nullopt;
   }
   // Returns gravity (3) [m/s^2], duration [s], erp, friction erp and slop [m] of the world's solver (7,).
@@ -261,26 +248,6 @@ void add_number(nb::class_<Ground>& ground, const char* name) {
 }  // namespace
 
 void add_ground(nb::module_& m) {
-  m.def("shapes_of", &shapes_of, "number"_a, "body"_a);
-  nb::class_<Soil>(m, "Soil")
-      .def(nb::init<nb::object, Bytes2, Doubles2, double>(), "grid"_a, "kinds"_a.noconvert(), "soils"_a.noconvert(),
-           "spacing"_a)
-      .def("set_kinds", &Soil::set_kinds, "kinds"_a.noconvert())
-      .def("take_pressed", &Soil::take_pressed)
-      .def("memory", &Soil::memory)
-      .def("recall", &Soil::recall, "places"_a.noconvert(), "samples"_a.noconvert(), "nodes"_a.noconvert(),
-           "heights"_a.noconvert(), "pressed"_a.noconvert(), "step"_a)
-      .def("sinkage", &Soil::sinkage, "found"_a.noconvert())
-      .def_prop_rw(
-          "sinks_by_slip", [](const Soil& s) { return s.soil.lattice.sinks_by_slip; },
-          [](Soil& s, bool on) {
-            const StepLock lock;
-            s.soil.lattice.sinks_by_slip = on;
-          })
-      .def("reset", [](Soil& s) {
-        const StepLock lock;
-        s.soil.lattice.reset();
-      });
   nb::class_<Ground> ground(m, "Ground");
   ground.def("set_soil", &Ground::set_soil, "soil"_a.none())
       .def("on_soil", &Ground::on_soil, "slot"_a)
@@ -296,7 +263,7 @@ void add_ground(nb::module_& m) {
       .def("wake", &Ground::wake, "slot"_a)
       .def("wake_all", [](const Ground& g) { g.world()->wake_all(); })
       .def("begin", &Ground::begin, "time"_a, "duration"_a)
-      .def("update", &Ground::update)
+      .def("update", [](const Ground& g) { g.world()->update(); })
       .def_prop_ro("rescues", [](const Ground& g) { return g.world()->rescues(); })
       .def("check_falls", &Ground::check_falls, "time"_a, "depth"_a)
       .def("find_falling", [](const Ground& g) { return g.world()->find_falling(); })

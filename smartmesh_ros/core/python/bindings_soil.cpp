@@ -1,5 +1,6 @@
-// What tests see of the undersides that press the soil.
+// Soil as Python sees it, and what tests see of the undersides that press it.
 #include "python/bindings.h"
+#include "python/soil_binding.h"
 #include "python/tables.h"
 #include "shape/body_shape.h"
 #include "soil/soil_shape.h"
@@ -28,6 +29,25 @@ std::tuple<NewTable, double, double> shape_above_grid(const BodyShape& of, Doubl
 }  // namespace
 
 void add_soil(nb::module_& m) {
+  nb::class_<Soil>(m, "Soil")
+      .def(nb::init<nb::object, Bytes2, Doubles2, double>(), "grid"_a, "kinds"_a.noconvert(), "soils"_a.noconvert(),
+           "spacing"_a)
+      .def("set_kinds", &Soil::set_kinds, "kinds"_a.noconvert())
+      .def("take_pressed", &Soil::take_pressed)
+      .def("memory", &Soil::memory)
+      .def("recall", &Soil::recall, "places"_a.noconvert(), "samples"_a.noconvert(), "nodes"_a.noconvert(),
+           "heights"_a.noconvert(), "pressed"_a.noconvert(), "step"_a)
+      .def("sinkage", &Soil::sinkage, "found"_a.noconvert())
+      .def_prop_rw(
+          "sinks_by_slip", [](const Soil& s) { return s.soil.lattice.sinks_by_slip; },
+          [](Soil& s, bool on) {
+            const StepLock lock;
+            s.soil.lattice.sinks_by_slip = on;
+          })
+      .def("reset", [](Soil& s) {
+        const StepLock lock;
+        s.soil.lattice.reset();
+      });
   m.def("shape_above_grid", &shape_above_grid, "shape"_a, "points"_a.noconvert(), "spacing"_a);
 }
 

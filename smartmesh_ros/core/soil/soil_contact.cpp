@@ -21,8 +21,6 @@ constexpr double LEAST_SHARE = 0.05;
 constexpr double PUT_IN = 1e-3;
 // By how much soil may be higher than the mean around it, which the map shows [m].
 constexpr double HIGHER = 0.01;
-// Farthest place [m] at which a body counts; beyond it was thrown to infinity.
-constexpr double FARTHEST = 1e9;
 
 // Returns by how much slip deepens a wheel's rut: Lyasko, Slip sinkage effect in soil-vehicle mechanics, 2010.
 double slip_sinkage(double slip) { return (1.0 + slip) / (1.0 - 0.5 * slip); }
@@ -40,59 +38,15 @@ Vec3 on_surface(const Underside& shape, const Vec3& mean) {
 
 }  // namespace
 
-// A part in axes of the grid: its underside with flat faces that go on beyond their edges, and as it is. `column`,
-// `row`: fractional fine sample of its middle, at the height `z` without the map's. `lowest` [m]: of its points, from
-// there.
-struct SoilUnderBody::Placed {
-  GridPose pose;
-  Underside shape, exact;
-  double column, row, z, lowest;
-
-  Vec3 to_world(const Vec3& v) const { return {pose.cos * v.x - pose.sin * v.y, pose.sin * v.x + pose.cos * v.y, v.z}; }
-  // Returns the normal of the underside that has the given heights: otherwise forces would do work that is not theirs.
-  Vec3 normal(const Vec3& offset, bool is_beside) const {
-    if (is_beside && offset.z <= lowest) return {0.0, 0.0, 1.0};
-    Vec3 found = normal_at(exact, offset);
-    if (is_beside || std::abs(found.z) < STEEP) {  // a sample on the edge of an upright face does not press with that
-      const bool is_flat = shape.kind == ShapeKind::Box || shape.upright == 2;
-      found = is_flat ? shape.axis(shape.upright) : normal_at(shape, offset);
-    }
-    return found.z < 0.0 ? -found : found;
-  }
-};
-
-SoilUnderBody::Placed SoilUnderBody::place(const SoilLattice& soil, const MovingSolid& moving, double time) {
-  const GridPose pose = soil.map().pose_at(time);
-  Solid solid = moving.solid;
-  for (Vec3& axis : solid.axes.row)
-    axis = {pose.cos * axis.x + pose.sin * axis.y, pose.cos * axis.y - pose.sin * axis.x, axis.z};
-  const GridPoint at = to_grid(pose, soil.spacing(), solid.centre.x, solid.centre.y);
-  const Underside shape = underside(solid, soil.spacing());
-  Placed placed{
-      pose, shape, shape, at.column, at.row, solid.centre.z - soil.map().z, -solid.extent_along({0.0, 0.0, 1.0})};
-  std::copy(shape.half, shape.half + 3, placed.exact.grown);
-  return placed;
-}
-
-// Returns the samples within a distance of a part's middle along columns `x` and rows `y` [m]; none for a body that was
-// thrown to infinity.
-SampleRectangle SoilUnderBody::around(const SoilLattice& soil, const Placed& placed, double x, double y) {
-  const double wide = x / soil.spacing(), high = y / soil.spacing();
-  if (!(std::abs(placed.column) + std::abs(placed.row) + std::abs(placed.z) + wide + high < FARTHEST)) return {};
-  return {std::max(0, static_cast<int>(placed.row - high)), std::max(0, static_cast<int>(placed.column - wide)),
-          std::min(soil.rows() - 1, static_cast<int>(std::floor(placed.row + high)) + 1),
-          std::min(soil.columns() - 1, static_cast<int>(std::floor(placed.column + wide)) + 1)};
-}
-
 // Fills `under_` with the samples that a part whose rim slips reaches if it goes down by `deepest` [m].
-void SoilUnderBody::gather(SoilLattice& soil, const Placed& placed, double slip, double deepest, const SoilStep& step) {
+void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, double slip, double deepest, const SoilStep& step) {
   under_.clear();
-  const SampleRectangle all = around(soil, placed, half_extent(placed.shape, 0), half_extent(placed.shape, 1));
+  const SampleRectangle all = samples_around(soil, placed, half_extent(placed.shape, 0), half_extent(placed.shape, 1));
   if (all.empty()) return;
   // Of round shapes, that part is enough which may be below the highest ground.
   const double below = soil.highest(all.top, all.left, all.bottom, all.right) + HIGHER + deepest - placed.z;
   const auto [x, y] = half_extents_below(placed.shape, below);
-  const SampleRectangle under = around(soil, placed, x, y);
+  const SampleRectangle under = samples_around(soil, placed, x, y);
   if (under.empty()) return;
   const double spacing = soil.spacing();
   const auto [top, left, bottom, right] = under;
@@ -196,7 +150,7 @@ struct SoilUnderBody::Quarter {
 
 // Finds the quarters about the middle of the pressures, along a level axis of the shape and across it; false if there
 // are no pressures.
-bool SoilUnderBody::find_quarters(const Placed& placed, Quarter (&quarters)[4]) {
+bool SoilUnderBody::find_quarters(const PlacedPart& placed, Quarter (&quarters)[4]) {
   double total = 0.0, x = 0.0, y = 0.0;
   for (const Under& under : under_) {
     if (!under.carries()) continue;
@@ -226,7 +180,7 @@ bool SoilUnderBody::find_quarters(const Placed& placed, Quarter (&quarters)[4]) 
 }
 
 // Fills the sums of a quarter whose samples have their loads, for a part at its place `then`.
-void SoilUnderBody::sum(const Placed& placed, const Solid& then, const ShearedRim& rim, double dt, Quarter& quarter) {
+void SoilUnderBody::sum(const PlacedPart& placed, const Solid& then, const ShearedRim& rim, double dt, Quarter& quarter) {
   for (Under& under : quarter.under) {
     if (!under.carries()) continue;
     const Vec3 normal = under.normal = placed.normal(under.offset, under.is_beside);
@@ -254,7 +208,7 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
   then.solid.centre = then.solid.centre + Vec3{moving.linear.x, moving.linear.y, 0.0} * step.dt;
   const Vec3 own = moving.solid.axes.row[2], spin = is_rolling ? own * dot(moving.angular, own) : Vec3{};
   for (Vec3& axis : then.solid.axes.row) axis = unit(axis + cross(spin, axis) * step.dt);
-  const Placed placed = place(soil, then, step.time);
+  const PlacedPart placed = place_above(soil, then.solid, step.time);
   const auto speed_down = [&](const Vec3& offset) {
     return -moving.linear.z - (is_rolling ? 0.0 : cross(moving.angular, placed.to_world(offset)).z);
   };
@@ -288,7 +242,7 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
 }
 
 SoilSums SoilUnderBody::press(SoilLattice& soil, const MovingSolid& moving, ShearedRim& rim, const SoilStep& step) {
-  const Placed placed = place(soil, moving, step.time);
+  const PlacedPart placed = place_above(soil, moving.solid, step.time);
   gather(soil, placed, rim.slip(), 0.0, step);
   load({under_.data(), under_.data() + under_.size()}, 0.0);
   SoilSums sums;
@@ -311,7 +265,7 @@ SoilSums SoilUnderBody::press(SoilLattice& soil, const MovingSolid& moving, Shea
 }
 
 void SoilUnderBody::make_room(SoilLattice& soil, const MovingSolid& moving, const SoilStep& step) {
-  const Placed placed = place(soil, moving, step.time);
+  const PlacedPart placed = place_above(soil, moving.solid, step.time);
   gather(soil, placed, 0.0, 0.0, step);
   for (const Under& under : under_) {
     FineSample& sample = *under.sample;

@@ -7,18 +7,10 @@
 
 #include <vector>
 
-#include "soil/soil_lattice.h"
+#include "soil/placed_part.h"
 #include "soil/soil_rim.h"
-#include "soil/soil_shape.h"
 
 namespace smartmesh {
-
-// Rectangle of samples: first row and column, last row and column; none if `bottom` < `top`.
-struct SampleRectangle {
-  int top = 0, left = 0, bottom = -1, right = -1;
-
-  bool empty() const { return bottom < top || right < left; }
-};
 
 // A step of the world. `time` [s]: at its start; `dt` [s]: its duration; `number` of the step, from 1 on.
 struct SoilStep {
@@ -78,17 +70,14 @@ class SoilUnderBody {
     Under* begin() const { return first; }
     Under* end() const { return last; }
   };
-  struct Placed;
   struct Quarter;
 
-  static Placed place(const SoilLattice& soil, const MovingSolid& moving, double time);
-  static SampleRectangle around(const SoilLattice& soil, const Placed& placed, double x, double y);
-  void gather(SoilLattice& soil, const Placed& placed, double slip, double deepest, const SoilStep& step);
+  void gather(SoilLattice& soil, const PlacedPart& placed, double slip, double deepest, const SoilStep& step);
   void damp_critically(double mass, double dt);
   static void load(Span under, double down);
   static double sink(Span under, const Carried& carried, double speed_down, double dt);
-  bool find_quarters(const Placed& placed, Quarter (&quarters)[4]);
-  static void sum(const Placed& placed, const Solid& then, const ShearedRim& rim, double dt, Quarter& quarter);
+  bool find_quarters(const PlacedPart& placed, Quarter (&quarters)[4]);
+  static void sum(const PlacedPart& placed, const Solid& then, const ShearedRim& rim, double dt, Quarter& quarter);
 
   UndersideRow row_, exact_;
   std::vector<LoadedSoil> soils_;
