@@ -40,8 +40,9 @@ def blocks(page: str, language: str) -> list[str]:
 
 
 def arguments_of(command: str) -> list[str]:
-    """Arguments for ROS of a command that starts a collider."""
-    words = shlex.split(command.replace("\\\n", " "))
+    """Arguments for ROS of a command that starts a collider, as a shell makes them of it."""
+    printed = subprocess.run(["bash", "-c", f"printf '%s\\0' {command}"], capture_output=True, text=True, check=True)
+    words = printed.stdout.split("\0")[:-1]
     assert words[:5] == ["ros2", "run", "smartmesh_ros", "terrain_collider", "--ros-args"]
     return words[5:]
 

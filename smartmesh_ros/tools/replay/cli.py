@@ -18,6 +18,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.startup.remappings import refuse_expanded
 from smartmesh_ros.tools.replay.bag import Bag
 from smartmesh_ros.tools.replay.parameters import read_parameters
 from smartmesh_ros.tools.replay.replay import Replay, Sink
@@ -79,7 +80,7 @@ def add_node_arguments(parser: Any) -> None:
     parser.add_argument("-p", "--param", action="append", default=[], metavar="NAME:=VALUE", help="a parameter")
     parser.add_argument(
         "-r", "--remap", action="append", default=[], metavar="FROM:=TO",
-        help="a topic or service under another name, as in -r ~/heightmap:=/maps; also __node and __ns",
+        help="a topic or service under another name, as in -r '~/heightmap:=/maps'; also __node and __ns",
     )  # fmt: skip
 
 
@@ -139,9 +140,10 @@ def report(replay: Replay, speed: float, file: McapFile | None, check: str | Non
 
 def rules_of(remaps: Sequence[str]) -> list[tuple[str, str]]:
     """Return remapping rules from texts ``from:=to``. Raises `InputError`."""
+    refuse_expanded(remaps)
     rules = [(old, new) for old, _, new in (text.partition(":=") for text in remaps)]
     if wrong := [text for text, (old, new) in zip(remaps, rules, strict=True) if not (old and new)]:
-        raise InputError("arguments", f"-r {wrong[0]!r} must be from:=to, as in -r ~/heightmap:=/maps")
+        raise InputError("arguments", f"-r {wrong[0]!r} must be from:=to, as in -r '~/heightmap:=/maps'")
     try:
         Names(rules=rules)
     except ValueError as error:

@@ -146,7 +146,7 @@ def table(result: Result) -> str:
 def parameter_file(result: Result) -> str:
     """Return the text of the file: comments, then all given parameters with the chosen values of the grid."""
     case, changed = result.case, [f"{name} (default {KNOWN[name]})" for name in result.changed]
-    remaps = "".join(f" -r {old}:={new}" for old, new in case.remaps)
+    remaps = "".join(f" -r '{old}:={new}'" for old, new in case.remaps)
     about = [
         f"Found by `ros2 run smartmesh_ros tune` for {case.title}. Asked: {asked_words(result.asked)}.",
         *([f"Start the node with{remaps}."] if remaps else []),

@@ -161,6 +161,7 @@ def test_no_bag_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     [
         (["-r", f"{MAP}:=/maps"], "nothing here is for /terrain_collider, whose inputs are\n  /maps  smartmesh_msgs"),
         (["-r", "heights"], "-r 'heights' must be from:=to"),
+        (["-r", f"{Path.home()}/heightmap:=/maps"], "put the remapping into quotes: '~/heightmap:=/maps'"),
         (["-r", "a b:=c"], "-r: topic name 'a b' is invalid: topic name must not contain characters other than"),
         (["-p", "physics.rate=100"], "-p 'physics.rate=100' must be name:=value"),
         (["-p", "physics.rat:=100"], "did you mean 'physics.rate'?"),

@@ -34,7 +34,7 @@ def test_what_is_better_is_chosen_and_said() -> None:
     said = "\n".join(closing_lines(found))
     assert "Kept." in said and "0.50 times the cost" in said and "Changed: physics.rate 120.0." in said
     text = parameter_file(found)
-    assert "physics.rate (default 240.0)" in text and "-r ~/heightmap:=/maps" in text
+    assert "physics.rate (default 240.0)" in text and "-r '~/heightmap:=/maps'" in text
 
 
 def test_a_limit_that_nobody_asked_for_is_named_with_its_value() -> None:
