@@ -12,18 +12,21 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+import pybullet_data
 import pytest
 import yaml
+from geometry_msgs.msg import Twist, Vector3
 from grid_map_msgs.msg import GridMap
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState, PointCloud2
-from smartmesh_msgs.srv import QueryGround
+from smartmesh_msgs.srv import QueryGround, SpawnBody
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.client import command
 from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
+from smartmesh_ros.tools.testing.replaying import replayed
 from tests.grid_maps import grid_map_message
 from tests.launch_files import Recorded, stand_ins
 from tests.node.shared import fed, stamped, transform_message, wait_until
@@ -82,6 +85,24 @@ def test_the_pages_commands_of_smartmesh_are_ones() -> None:
     for words in found:
         # What follows the name of an executable is its own.
         command.parser().parse_args(words[1:3] if words[1] == "run" else words[1:])
+
+
+def test_the_walk_of_the_first_page_leads_over_the_hill_again_in_a_replay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    [code], [file] = blocks("docs/index.md", "python"), blocks("docs/index.md", "yaml")
+    exec(compile(code, "hill.py", "exec"), {})
+    parameters = yaml.safe_load(file)["/**"]["ros__parameters"]
+    assert parameters["service_introspection"] == "contents", "or the bag would have no robot"
+    husky = str(Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf")
+    spawned = SpawnBody.Request(id="rover", urdf=husky, on_ground=True, pose=pose_message((-4.0, 0.0, 0.0)))
+    forward = Twist(linear=Vector3(x=0.5))
+    driven = [("cmd_vel/rover", 2.0 + 0.1 * k, forward) for k in range(80)]
+    with replayed([("spawn_body", 1.0, spawned), *driven], parameters) as run:
+        run.run()
+        assert not run.refused
+        assert run.world.state("rover").position[2] > 0.75
 
 
 def test_the_readmes_publisher_moves_the_ground(probe: Probe) -> None:
