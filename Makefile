@@ -7,7 +7,7 @@ STUDIES := python -m studies
 .PHONY: help demo view pictures renders docs test lint docs-check prepare fleet fleet-study bench studies robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover height-scan friction tracks laws records replay-speed
 
 help:  ## this list
-	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
 
 demo:  ## terrain, bodies and a robot on a moving elevation model, for 15 s
 	@$(RUN) -- install/smartmesh_ros/lib/smartmesh_ros/smartmesh-demo

@@ -55,6 +55,14 @@ def whole(*words: str) -> str:
     return result.stderr if result.returncode else result.stdout.strip()
 
 
+def test_nodes_that_are_discovered_one_after_the_other_are_listed(
+    smartmesh: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks = iter([[], ["/a"], ["/a"], ["/a", "/b"]])
+    monkeypatch.setattr(command, "colliders", lambda _: next(looks, ["/a", "/b"]))
+    assert smartmesh("nodes").split() == ["/a", "/b"]
+
+
 def test_bodies_are_spawned_listed_and_removed(shared: Probe, smartmesh: Command, tmp_path: Path) -> None:
     """The node is the only one, so that it need not be named."""
     show_map(shared, np.zeros((60, 60)))

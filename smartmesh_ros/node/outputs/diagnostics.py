@@ -137,7 +137,7 @@ class Diagnostics:
             "tracked": sum(body.tracked for body in world.bodies.values()),
             "asleep": sum(world.is_asleep(body.name) for body in world.bodies.values()),
             "patches": patches,
-            "without ground": len(world.followers) - remote - patches,
+            "out of reach of the ground": len(world.followers) - remote - patches,
             "below ground": len(below),
             "falling": len(world.falls.falling),
             "put back onto the ground": world.rescues,

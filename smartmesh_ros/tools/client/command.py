@@ -51,6 +51,8 @@ SHAPES = {
 # Most entries of a sequence that are printed.
 MOST_PRINTED = 12
 LEVELS = {DiagnosticStatus.OK: "ok", DiagnosticStatus.WARN: "warning", DiagnosticStatus.ERROR: "error"}
+# After this long without another one, all nodes count as discovered [s].
+DISCOVERY = 1.0
 
 
 class Caller:
@@ -209,8 +211,14 @@ def status(caller: Caller, _: argparse.Namespace) -> str:
 
 
 def show_nodes(caller: Caller, _: argparse.Namespace) -> str:
-    """Return the names of the running nodes."""
-    return "\n".join(caller.wait_for(lambda: colliders(caller.remote.node), "node"))
+    """Return the names of the running nodes, once no more are discovered: they are, one after the other."""
+    found = caller.wait_for(lambda: colliders(caller.remote.node), "node")
+    changed = monotonic()
+    while monotonic() < changed + DISCOVERY:
+        caller.remote.spin(0.02)
+        if (now := colliders(caller.remote.node)) != found:
+            found, changed = now, monotonic()
+    return "\n".join(found)
 
 
 def say(service: str, **fields: Any) -> Callable[[Caller, argparse.Namespace], str]:
