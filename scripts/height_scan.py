@@ -69,7 +69,6 @@ def picture(world: World, scan: HeightScan) -> Image.Image:
     for joint in known.joints.values():
         stage.client.resetJointState(robot, joint, world.client.getJointState(known.uid, joint)[0])
     shot = stage.shoot(Camera((1.6, -1.5, 1.25), (0.1, 0.12, 0.02), 36.0, *(FINER * size for size in PIXELS)))
-    stage.close()
     return Image.fromarray(shot.colours).resize(PIXELS, Image.Resampling.LANCZOS)
 
 

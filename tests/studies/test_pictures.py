@@ -5,7 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
+from scripts import height_scan
 from smartmesh_ros.terrain.grid import FloatArray
 from studies.friction_picture import BODY, GRAVITY, GROUND, ways
 from studies.matrix.run import draw_box
@@ -40,6 +42,16 @@ def test_each_way_is_short_by_half_of_the_first_step() -> None:
         expected = speed**2 / (2.0 * GROUND[kind] * BODY * GRAVITY)
         assert places[-1, 0] == pytest.approx(expected - 0.5 * speed / 240.0, abs=1e-3), f"{kind} at {speed} m/s"
         assert places[-1, 0] == places[-100, 0], "it stands"
+
+
+def test_the_points_of_a_height_scan_are_drawn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """By `make height-scan`."""
+    monkeypatch.setattr("sys.argv", ["height_scan", str(tmp_path / "scan.png")])
+    height_scan.main()
+    assert np.shape(Image.open(tmp_path / "scan.png")) == (640, 1000, 3)
+    assert "a row for each y, x from left to right" in capfd.readouterr().out
 
 
 def test_the_picture_is_drawn(tmp_path: Path) -> None:
