@@ -122,7 +122,7 @@ def test_the_readmes_publisher_moves_the_ground(probe: Probe) -> None:
 
 
 def test_the_installed_file_is_that_of_the_tutorial() -> None:
-    [file] = blocks("docs/elevation_mapping.md", "yaml")
+    file, _ = blocks("docs/elevation_mapping.md", "yaml")
     assert yaml.safe_load(file) == yaml.safe_load((ROOT / "config" / "elevation_mapping.yaml").read_text())
 
 
@@ -205,7 +205,7 @@ def cupy_map(x: float, y: float, *, seen: bool = True) -> GridMap:
 
 def test_an_elevation_map_becomes_patches_under_the_robot(domain: int, tmp_path: Path) -> None:
     """The map is in ``map``, the odometry in ``odom``, which lies 10 m further along y."""
-    [file] = blocks("docs/elevation_mapping.md", "yaml")
+    file, _ = blocks("docs/elevation_mapping.md", "yaml")
     command, *_ = blocks("docs/elevation_mapping.md", "console")
     (tmp_path / "my_robot.yaml").write_text(file)
     with fed({}, arguments_of(command.replace("my_robot.yaml", str(tmp_path / "my_robot.yaml")))) as node:
