@@ -138,7 +138,7 @@ setup(
         # On the path of a sourced workspace, whose console scripts are not; a wheel puts those there.
         *([] if IS_WHEEL or "editable_wheel" in sys.argv else [("bin", ["bin/smartmesh"])]),
     ],
-    python_requires=">=3.10",
+    python_requires=">=3.11",
     install_requires=["numpy", *PYBULLET, "pyyaml"],
     extras_require={
         "bags": ["rosbags"],

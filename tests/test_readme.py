@@ -59,3 +59,15 @@ def test_the_site_has_every_page_and_every_public_name() -> None:
     assert set(re.findall(r"(\w+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE)) == pages
     named = re.findall(r"^::: smartmesh_ros\.(\w+)$", (ROOT / "docs" / "api.md").read_text(), re.MULTILINE)
     assert set(named) == set(smartmesh_ros.__all__)
+
+
+def test_the_oldest_python_is_the_same_everywhere() -> None:
+    patterns = {
+        "setup.py": r'python_requires=">=([\d.]+)"',
+        "pyproject.toml": r'python_version = "([\d.]+)"',
+        "smartmesh_ros/core/CMakeLists.txt": r"find_package\(Python ([\d.]+) ",
+        "README.md": r"with Python ([\d.]+) to",
+        "docs/installing.md": r"Linux on x86-64, Python ([\d.]+) to",
+    }
+    found = {file: re.findall(pattern, (ROOT / file).read_text()) for file, pattern in patterns.items()}
+    assert found == dict.fromkeys(patterns, ["3.11"])

@@ -24,7 +24,7 @@ NODES = ("terrain_collider", "terrain_score", "terrain_sensor", "terrain_source"
 COMMANDS = {"smartmesh", *NODES, *(f"smartmesh-{name}" for name in OWN)}
 FORK, UPSTREAM = "pybullet-arm64", "pybullet"
 MACHINES = [("Linux", "x86_64"), ("Linux", "aarch64"), ("Darwin", "x86_64"), ("Darwin", "arm64"), ("Windows", "AMD64")]
-VERSIONS = ["3.10", "3.11", "3.12", "3.13", "3.14"]
+VERSIONS = ["3.11", "3.12", "3.13", "3.14"]
 
 
 def run(*command: str | Path, **settings: str) -> subprocess.CompletedProcess[str]:
