@@ -70,4 +70,4 @@ def test_the_oldest_python_is_the_same_everywhere() -> None:
         "docs/installing.md": r"Linux on x86-64, Python ([\d.]+) to",
     }
     found = {file: re.findall(pattern, (ROOT / file).read_text()) for file, pattern in patterns.items()}
-    assert found == dict.fromkeys(patterns, ["3.11"])
+    assert found == {file: ["3.11"] for file in patterns}

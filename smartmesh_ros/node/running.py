@@ -24,7 +24,6 @@ from rclpy.utilities import try_shutdown
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.declaring import warn_of_unused_overrides
-from smartmesh_ros.startup.remappings import refuse_expanded
 
 # Longest wait for messages before signals are checked and ``idle()`` is called, because ``/clock`` may stand still [s].
 LONGEST_WAIT = 0.1
@@ -74,7 +73,6 @@ def started(make_node: Callable[[], Any], args: Sequence[str] | None) -> Iterato
     with 0 after a signal during the start."""
     stop, node = Stop(), None
     try:
-        refuse_expanded(sys.argv if args is None else args)
         init(args)
         node = make_node()
         stop.starting = False

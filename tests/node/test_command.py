@@ -101,7 +101,7 @@ def test_what_is_refused_is_told(shared: Probe, smartmesh: Command, tmp_path: Pa
     said = smartmesh("spawn", "mine", "--urdf", str(file))
     assert "is not in bodies.urdf_folders: add its folder" in said and str(tmp_path / "hull.stl") in said
     assert "not paused" not in smartmesh("param", "physics.rate") and "physics is running" in smartmesh("step")
-    assert "no parameter 'physics.rat'" in smartmesh("param", "physics.rat")
+    assert "no parameter 'physics.rat'; did you mean 'physics.rate'?" in smartmesh("param", "physics.rat")
     assert "it must be" in smartmesh("param", "physics.rate", "-3")
 
 

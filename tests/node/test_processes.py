@@ -197,11 +197,3 @@ def processor_time_of_ended() -> float:
     """Processor time of all processes that this one started and that have ended [s]."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
-
-
-def test_a_private_name_that_the_shell_expanded_is_refused() -> None:
-    """Without quotes a shell makes a path of ``~/heightmap:=/maps``, which would remap nothing."""
-    command = [executable("terrain_collider"), "--ros-args", "-r", f"{Path.home()}/heightmap:=/maps"]
-    ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=TIMEOUT)
-    assert ended.returncode == 2
-    assert "cannot start: " in ended.stderr and "into quotes: '~/heightmap:=/maps'" in ended.stderr

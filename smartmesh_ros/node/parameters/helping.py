@@ -16,12 +16,14 @@ from rclpy.utilities import remove_ros_args
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.declaring import Spec, refused_arguments
+from smartmesh_ros.startup.remappings import refuse_expanded
 
 
 def own_arguments(arguments: Sequence[str]) -> list[str]:
     """Return the arguments of a command line that are not of ROS, without the name of the executable. Exits with 2 if
     those of ROS are invalid."""
     try:
+        refuse_expanded(arguments)
         with refused_arguments():
             return list(remove_ros_args(list(arguments))[1:])
     except InputError as error:
@@ -35,6 +37,8 @@ OPTIONS = {
     "--print-parameters": "print a parameter file with every default, and end",
     "--ros-args ...": "arguments of ROS: -p name:=value, --params-file FILE, -r from:=to, -r __ns:=/robot",
 }
+# Options that ROS takes behind --ros-args alone.
+OF_ROS = ("-p", "--param", "--params-file", "-r", "--remap", "--log-level")
 
 
 def answer(name: str, about: str | None, specs: Sequence[Spec], args: list[str] | None = None) -> None:
@@ -48,7 +52,8 @@ def answer(name: str, about: str | None, specs: Sequence[Spec], args: list[str] 
         elif argument == "--print-parameters":
             print(parameter_file(name, specs))
         else:
-            print(f"{name}: unknown argument {argument!r}; try --help", file=sys.stderr)
+            hint = "put --ros-args before it" if argument in OF_ROS else "try --help"
+            print(f"{name}: unknown argument {argument!r}; {hint}", file=sys.stderr)
             sys.exit(2)
         sys.exit(0)
 

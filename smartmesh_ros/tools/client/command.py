@@ -34,8 +34,9 @@ from rclpy.utilities import try_shutdown
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, suggestion
 from smartmesh_ros.node.parameters.helping import own_arguments
+from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.node.running import Stop
 from smartmesh_ros.startup.dds import use_large_message_profile
 from smartmesh_ros.startup.executables import STARTED_BY_NAME
@@ -193,7 +194,8 @@ def param(caller: Caller, options: argparse.Namespace) -> str:
     got = client.get_parameters(names)
     values = caller.wait_for(lambda: got.done() and got.result(), "answer").values
     if len(values) != len(names):
-        raise InputError("parameter", f"{caller.remote.name} has no parameter {options.name!r}")
+        hint = suggestion(options.name, (spec.name for spec in SPECS))
+        raise InputError("parameter", f"{caller.remote.name} has no parameter {options.name!r}{hint}")
     plain_values = [parameter_value_to_python(value) for value in values]
     if options.name is not None:
         return str(plain_values[0])
