@@ -132,8 +132,8 @@ def argument(name: str, default: str, words: str, choices: Sequence[str] | None 
 
 def scene_argument(words: str = "", *more: str) -> Any:
     """Return the launch argument ``scene`` of terrain_source, with ``more`` values and ``words`` about them."""
-    names = f"Scene of terrain_source: {', '.join(SCENES)}"
-    return argument("scene", SCENES[0], f"{names}; {words}." if words else f"{names}.", [*SCENES, *more])
+    named = f"Scene of terrain_source{'; ' * bool(words)}{words}."
+    return argument("scene", SCENES[0], named, [*SCENES, *more])
 
 
 def node(*, package: str = PACKAGE, executable: str, hint: str = "build and source the workspace", **more: Any) -> Any:
@@ -202,7 +202,7 @@ def _arguments(preset: str = "") -> list[Any]:
         argument("use_sim_time", "", "true = take the time from /clock; empty = as an outer launch file sets it."),
         argument("rviz", "false", "true = start RViz with a view of ground, bodies, robot and patches."),
         argument("dds", profile, "XML file of Fast DDS settings for large maps; empty = none."),
-        argument("log_level", "info", f"{', '.join(LOG_LEVELS)}.", list(LOG_LEVELS)),
+        argument("log_level", "info", "Least severe messages that are logged.", list(LOG_LEVELS)),
     ]
 
 

@@ -36,7 +36,6 @@ from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 
 from smartmesh_ros.errors import InputError, suggestion
 from smartmesh_ros.node.parameters.helping import own_arguments
-from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.node.running import Stop
 from smartmesh_ros.startup.dds import use_large_message_profile
 from smartmesh_ros.startup.executables import STARTED_BY_NAME
@@ -187,14 +186,13 @@ def param(caller: Caller, options: argparse.Namespace) -> str:
         if not result.successful:
             raise InputError("refused", result.reason)
         return ""
-    names = [options.name]
-    if options.name is None:
-        listed = client.list_parameters([], 0)
-        names = sorted(caller.wait_for(lambda: listed.done() and listed.result(), "answer").result.names)
+    listed = client.list_parameters([], 0)
+    known = sorted(caller.wait_for(lambda: listed.done() and listed.result(), "answer").result.names)
+    names = known if options.name is None else [options.name]
     got = client.get_parameters(names)
     values = caller.wait_for(lambda: got.done() and got.result(), "answer").values
     if len(values) != len(names):
-        hint = suggestion(options.name, (spec.name for spec in SPECS))
+        hint = suggestion(options.name, known)
         raise InputError("parameter", f"{caller.remote.name} has no parameter {options.name!r}{hint}")
     plain_values = [parameter_value_to_python(value) for value in values]
     if options.name is not None:
