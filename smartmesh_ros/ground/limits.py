@@ -27,7 +27,8 @@ def require_possible(name: str, state: BodyState) -> None:
         ("angular velocity", state.angular, FASTEST_SPIN, "rad/s"),
     ):
         if max(map(abs, values)) > most:
-            raise InputError("geometry", f"{what} of {name!r} is {values} {unit}; at most {most:g} is possible")
+            reason = what.replace(" ", "_")
+            raise InputError(reason, f"{what} of {name!r} is {values} {unit}; at most {most:g} is possible")
 
 
 def require_between(what: str, value: float, bounds: tuple[float, float], unit: str) -> None:

@@ -43,7 +43,7 @@ FAILED = (pb.error, rclpy_implementation.RCLError)
 def require_name(name: str) -> None:
     """Raises `InputError` if the name of a body, tile or frame is too long."""
     if len(name) > LONGEST_NAME:
-        raise InputError("size", f"a name of {len(name)} characters; at most {LONGEST_NAME} are possible")
+        raise InputError("name", f"a name of {len(name)} characters; at most {LONGEST_NAME} are possible")
 
 
 def conclude(response: Any, error: Exception | None) -> None:

@@ -174,8 +174,9 @@ class Population(Driving):
 
     def move(self, name: str, state: BodyState) -> None:
         """Set the state of a simulated body's centre of mass; a robot's joints stay as they are. A robot whose base is
-        fixed takes no velocity."""
+        fixed takes no velocity. Raises `InputError` if the body is not simulated, or the state is impossible."""
         body = self._own_body(name)
+        require_possible(name, state)
         if body.tracked:
             raise InputError("tracked", f"the pose of {name!r} is dictated by its topic; only simulated bodies move")
         before = self.state(name)

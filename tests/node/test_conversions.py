@@ -115,7 +115,7 @@ def test_spoilt_messages_are_refused_or_read_and_nothing_else(names: list[str], 
     [
         ({"bodies": [TrackedBody(id="a"), TrackedBody(id="a")]}, "duplicate_id"),
         ({"bodies": [TrackedBody(id="a/b")]}, "empty_id"),
-        ({"bodies": [TrackedBody(id="x" * 257)]}, "size"),
+        ({"bodies": [TrackedBody(id="x" * 257)]}, "name"),
         ({"bodies": [TrackedBody()] * 100_001}, "size"),
         ({"ahead": math.nan}, "non_finite"),
         ({"ahead": 1e9}, "stamp"),

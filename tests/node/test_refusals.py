@@ -264,7 +264,7 @@ def test_sizes_are_capped(monkeypatch: pytest.MonkeyPatch) -> None:
         assert not run.refused
         for side, name in ((40, "large in all tiles together"), (67, "large"), (10, "x" * 257)):
             run.give("heightmap", tile(side, name))
-        assert run.refused == {"heightmap: size": 3}
+        assert run.refused == {"heightmap: size": 2, "heightmap: name": 1}
 
         def answer(name: str) -> str:
             """What is wrong with a body; empty if it was spawned."""

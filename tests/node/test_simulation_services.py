@@ -74,6 +74,12 @@ def placed(x: float, y: float, z: float, frame: str = "") -> PoseStamped:
     return message
 
 
+def with_mesh(name: str) -> str:
+    """A robot whose only shape is the mesh in a file."""
+    mesh = f'<collision><geometry><mesh filename="{name}"/></geometry></collision>'
+    return f'<robot name="m"><link name="l">{mesh}</link></robot>'
+
+
 @pytest.fixture
 def started(shared: Probe) -> Probe:
     """The shared node, as if it had been started again: earlier tests took its body ``ball`` away."""
@@ -108,6 +114,11 @@ def test_entities_come_move_and_go(started: Probe) -> None:
         (r.MISSING_ASSETS, {"name": "x", "uri": "package://no_such_pkg/a.urdf"}),
         (r.INVALID_POSE, {"name": "x", "uri": str(ROVER), "initial_pose": invalid}),
         (r.INVALID_POSE, {"name": "x", "uri": str(ROVER), "initial_pose": placed(0, 0, 0, "moon")}),
+        (r.INVALID_POSE, {"name": "x", "uri": str(ROVER), "initial_pose": placed(1e8, 0, 0)}),
+        (r.NAME_INVALID, {"name": "x" * 257, "uri": str(ROVER)}),
+        (r.MISSING_ASSETS, {"name": "x", "resource_string": with_mesh("no_such.stl")}),
+        (r.MISSING_ASSETS, {"name": "x", "resource_string": with_mesh("package://no_such_pkg/a.stl")}),
+        (r.UNSUPPORTED_ASSETS, {"name": "x", "resource_string": with_mesh(f"file://{ROVER}")}),
         (Result.RESULT_FEATURE_UNSUPPORTED, {"name": "x", "uri": str(ROVER), "entity_namespace": "/a"}),
     ):
         answer = spawn(started, **fields)
@@ -121,9 +132,10 @@ def test_entities_come_move_and_go(started: Probe) -> None:
     assert pose_of(started, "rover") == pytest.approx((3.0, 4.0, 5.0), abs=1e-6)
     twist = ask(started, "get_entity_state", entity="rover").state.twist
     assert (twist.linear.x, twist.linear.y) == pytest.approx((1.5, 0.0), abs=1e-6)
-    moved.pose.position.x = math.nan
-    refused = ask(started, "set_entity_state", entity="rover", state=moved).result
-    assert refused.result == srv.SetEntityState.Response.INVALID_POSE
+    for impossible in (math.nan, 1e8):
+        moved.pose.position.x = impossible
+        refused = ask(started, "set_entity_state", entity="rover", state=moved).result
+        assert refused.result == srv.SetEntityState.Response.INVALID_POSE
     assert pose_of(started, "rover") == pytest.approx((3.0, 4.0, 5.0), abs=1e-6)
 
     assert ask(started, "delete_entity", entity="truck").result.result == OK
@@ -218,6 +230,8 @@ def test_entities_are_filtered_by_name_and_place(started: Probe) -> None:
             (Result.RESULT_FEATURE_UNSUPPORTED, {"bounds": Bounds(type=Bounds.TYPE_CONVEX_HULL)}),
             (Result.RESULT_OPERATION_FAILED, {"bounds": Bounds(type=Bounds.TYPE_SPHERE)}),
             (Result.RESULT_OPERATION_FAILED, {"bounds": sphere(math.nan, 1.0)}),
+            (Result.RESULT_OPERATION_FAILED, {"bounds": sphere(2.0, -1.0)}),
+            (Result.RESULT_OPERATION_FAILED, {"filter": "[[:digits:]]"}),
             (Result.RESULT_OPERATION_FAILED, {"filter": "(" * 9999}),
         ):
             answer = ask(started, "get_entities", filters=EntityFilters(**filters))
@@ -238,6 +252,8 @@ def test_a_reset_has_the_scope_that_is_asked_for(started: Probe) -> None:
         ask(started, "step_simulation", steps=48)
         low = pose_of(started, "ball")[2]
         assert low < 8.9
+        unknown = ask(started, "reset_simulation", scope=8).result
+        assert unknown.result == Result.RESULT_FEATURE_UNSUPPORTED
         reset(srv.ResetSimulation.Request.SCOPE_TIME)
         assert pose_of(started, "ball")[2] == low
         reset(srv.ResetSimulation.Request.SCOPE_STATE)

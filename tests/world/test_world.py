@@ -27,6 +27,8 @@ from tests.grounds import level, moving, shaped, world_of
         (lambda w: w.spawn("x", Sphere(0.1), 1.0, BodyState(orientation=(0.0, 0.0, 0.0, 0.0))), "quaternion"),
         (lambda w: w.spawn("x", Sphere(0.1), 1.0, BodyState(orientation=(0.0, 0.0, 0.0, 2.0))), "quaternion"),
         (lambda w: w.spawn_robot("x", "/no/such.urdf"), "urdf"),
+        (lambda w: w.move("ball", BodyState((1e8, 0.0, 0.0))), "position"),
+        (lambda w: w.move("ball", BodyState(angular=(0.0, 0.0, 1e200))), "angular_velocity"),
         (lambda w: w.remove("nobody"), "unknown_body"),
         (lambda w: w.state("nobody"), "unknown_body"),
         (lambda w: w.drive("ball", "axle", 1.0), "unknown_joint"),

@@ -32,7 +32,7 @@ def select(world: World, filters: Any, bounds: Any, info: Callable[[Body], Any])
     axis-aligned bounds of bodies. Raises `InputError`.
     """
     try:
-        pattern = re.compile(re.sub(r"\[:(\w+):\]", lambda found: CLASSES.get(found[1], found[0]), filters.filter))
+        pattern = re.compile(re.sub(r"\[:(\w+):\]", _class, filters.filter))
     except (re.error, OverflowError, RecursionError) as error:
         raise InputError("filter", f"{filters.filter[:200]!r} is not a regular expression: {error}") from None
     near = _bounds_filter(world, filters.bounds, bounds)
@@ -48,6 +48,13 @@ def select(world: World, filters: Any, bounds: Any, info: Callable[[Body], Any])
     return names
 
 
+def _class(found: re.Match[str]) -> str:
+    """Return the characters of a POSIX class; raises `re.error` if there is none of its name."""
+    if found[1] not in CLASSES:
+        raise re.error(f"there is no class {found[0]}; there are {', '.join(CLASSES)}")
+    return CLASSES[found[1]]
+
+
 def _bounds_filter(world: World, wanted: Any, bounds: Any) -> Callable[[Body], bool]:
     """Return the test of the bounds of a body against a Bounds message. Raises `InputError`."""
     if wanted.type == bounds.TYPE_EMPTY:
@@ -58,6 +65,8 @@ def _bounds_filter(world: World, wanted: Any, bounds: Any) -> Callable[[Body], b
     if len(points) != 2 or not np.isfinite(points).all():
         raise InputError("geometry", "bounds must have two finite points: corners, or a centre and a radius")
     box = wanted.type == bounds.TYPE_BOX
+    if not box and points[1, 0] < 0.0:
+        raise InputError("geometry", f"the radius of a sphere is {points[1, 0]:g} m; it must be zero or more")
     low, high, reach = (points.min(axis=0), points.max(axis=0), 0.0) if box else (points[0], points[0], points[1, 0])
 
     def near(body: Body) -> bool:

@@ -22,14 +22,17 @@ from smartmesh_ros.node.session import REFUSED, require_name
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.robots.description import urdf_text
 
-_POSE_REASONS = dict.fromkeys(("frame", "non_finite", "quaternion"), "INVALID_POSE")
+_POSE_REASONS = dict.fromkeys(("frame", "non_finite", "quaternion", "position"), "INVALID_POSE")
 _SPAWN_REASONS = {
     "duplicate_id": "NAME_NOT_UNIQUE",
     "empty_id": "NAME_INVALID",
+    "name": "NAME_INVALID",
     "urdf_format": "UNSUPPORTED_FORMAT",
     "no_resource": "NO_RESOURCE",
     "urdf": "RESOURCE_PARSE_ERROR",
     "urdf_package": "MISSING_ASSETS",
+    "no_asset": "MISSING_ASSETS",
+    "asset": "UNSUPPORTED_ASSETS",
     **_POSE_REASONS,
 }
 # Tag of the places where bodies of parameters and worlds start.

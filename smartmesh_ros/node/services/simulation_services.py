@@ -135,6 +135,8 @@ class SimulationServices:
         scope = request.scope or request.SCOPE_ALL
         scopes = request.SCOPE_TIME, request.SCOPE_STATE, request.SCOPE_SPAWNED
         time, bodies, spawned = (bool(scope & one) for one in scopes)
+        if not (time or bodies or spawned):
+            raise InputError("unsupported", f"scope {scope} has none of the bits TIME, STATE and SPAWNED")
         if time and bodies and spawned:
             self._start_over()
         else:

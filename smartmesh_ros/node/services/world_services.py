@@ -107,7 +107,8 @@ class WorldServices:
             if world.plain:
                 raise
             if left is None:
-                raise InputError("asset" if there else "no_asset", f"{name[:200]}: {error}") from None
+                found = there and error.reason not in ("no_asset", "urdf_package")
+                raise InputError("asset" if found else "no_asset", f"{name[:200]}: {error}") from None
             left.append(f"{name[:200]} is left out: {error}")
             return None
 

@@ -240,4 +240,4 @@ def named_file(name: str, folder: Path | None) -> Path:
         raise InputError("urdf", f"{name[:200]!r} is not a path: {error}") from None
     if scheme and scheme[1] == "package" and package_folder(package) is None:
         raise InputError("urdf_package", f"package {package!r} is not installed, or not sourced")
-    raise InputError("urdf", f"the URDF names a file {name[:200]!r} that does not exist")
+    raise InputError("no_asset", f"the URDF names a file {name[:200]!r} that does not exist")

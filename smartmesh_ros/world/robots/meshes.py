@@ -45,7 +45,7 @@ def mesh_parts(path: Path, scale: tuple[float, float, float]) -> list[FloatArray
 
 
 def _refused(path: Path, why: str) -> InputError:
-    return InputError("urdf", f"collision mesh {str(path)!r} cannot be read: {why}")
+    return InputError("asset", f"collision mesh {str(path)!r} cannot be read: {why}")
 
 
 def _stl(path: Path) -> list[FloatArray]:

@@ -132,4 +132,4 @@ def _digest(path: Path) -> str:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest() + path.suffix.lower()
     except OSError as error:
-        raise InputError("urdf", f"collision mesh {str(path)!r} cannot be read: {error}") from None
+        raise InputError("asset", f"collision mesh {str(path)!r} cannot be read: {error}") from None

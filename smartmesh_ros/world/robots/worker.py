@@ -66,7 +66,7 @@ def _hulls(mesh: Mesh) -> list[FloatArray]:
                 count, vertices = client.getMeshData(body, -1)
                 hulls.append(np.array(vertices, np.float64) if count else points)
     except pb.error as error:
-        raise InputError("urdf", f"collision mesh {str(mesh.path)!r} has no convex hull: {error}") from None
+        raise InputError("asset", f"collision mesh {str(mesh.path)!r} has no convex hull: {error}") from None
     return hulls
 
 
