@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 import rclpy
+from builtin_interfaces.msg import Time
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
 from smartmesh_msgs.msg import ContactArray, Heightmap
 
 from smartmesh_ros.node.endpoints import NAME_TIMEOUT, NAMELESS, UNKNOWN, EndpointNames, incompatible_peers
@@ -59,6 +61,23 @@ def test_a_map_that_was_latched_before_the_node_started_is_not_missed_without_a_
         words = f"no map yet: {COLLIDER}/heightmap has a latched publisher; if that sent its map before, set {name}"
         probe.wait_for(lambda: words in probe.diagnostics("terrain")["message"])
         probe.wait_for(lambda: words in process.output)
+
+
+def test_a_publisher_that_waits_for_the_clock_as_the_node_does_is_no_reason_for_a_warning(probe: Probe) -> None:
+    """Once the clock runs, it is."""
+    probe.node.create_publisher(Heightmap, f"{COLLIDER}/heightmap", LATCHED)
+    clock = probe.node.create_publisher(Clock, "/clock", 10)
+    words = f"no map yet: {COLLIDER}/heightmap has a latched publisher"
+    with probe.running(parameters={"use_sim_time": True}) as process:
+        for _ in range(3):
+            assert words in probe.diagnostics("terrain")["message"]
+        assert words not in process.output
+
+        def warned() -> bool:
+            clock.publish(Clock(clock=Time(sec=5)))
+            return words in process.output
+
+        probe.wait_for(warned)
 
 
 def test_large_maps_go_through_with_the_installed_profile(probe: Probe, monkeypatch: pytest.MonkeyPatch) -> None:

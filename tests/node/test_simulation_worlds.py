@@ -19,7 +19,18 @@ from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import Probe, heightmap_message
 from smartmesh_ros.tools.testing.replaying import replayed
 from tests.node.shared import changed, fed
-from tests.node.test_simulation_services import OK, ROVER, ask, entities, placed, pose_of, set_state, spawn, state, with_mesh
+from tests.node.test_simulation_services import (
+    OK,
+    ROVER,
+    ask,
+    entities,
+    placed,
+    pose_of,
+    set_state,
+    spawn,
+    state,
+    with_mesh,
+)
 
 SHARED = {"simulation_interfaces": True, "frame_id": "map", "raster.resolution": 0.25}
 L = srv.LoadWorld.Response

@@ -229,8 +229,11 @@ class ParameterNode(Node):
             super().__init__(name, **options)
         require_overrides(self)
         for spec in specs:
+            # rcl delivers the empty list of a file as no value, which a dump of the parameters would write as null.
+            given = given_parameters(self).get(spec.name)
+            empty = given is not None and given.value is None and spec.default == []
             try:
-                self.declare_parameter(spec.name, spec.default, _descriptor(spec))
+                self.declare_parameter(spec.name, spec.default, _descriptor(spec), ignore_override=empty)
             except ParameterException as error:
                 raise InputError("parameter", f"{error}; {spec.rule}") from None
         for given in sorted(given_parameters(self)):
