@@ -17,6 +17,8 @@ from smartmesh_ros import HeightMap, World
 from smartmesh_ros.ground.shapes import Box
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs.tracking import Tracking
+from smartmesh_ros.node.refusals import LOG_PERIOD
+from smartmesh_ros.node.timing.pacing import NodeClock
 from smartmesh_ros.tools.testing import pose_message
 from tests.examples import examples
 from tests.node.shared import Fed, fed, own_time, stamped, transform_message, wait_until
@@ -83,6 +85,24 @@ def test_poses_in_another_frame_are_transformed(domain: int, capfd: pytest.Captu
             poses = [pose_message((0.3 * index, 1.0, 0.2)) for index in range(count)]
             node.give("body_poses", stamped(node, PoseArray(poses=poses)))
             assert node.world.bodies.keys() == {"arm", "stone", *(f"body_{index}" for index in range(count))}
+
+
+def test_each_body_that_times_out_is_named(
+    domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Also those that follow another within the pause of that line in the log."""
+    now = own_time(monkeypatch)
+    monkeypatch.setattr(NodeClock, "steady", lambda _: now[0])
+    with fed({"bodies.timeout": 0.5}) as node:
+        for name in ("first", "second"):
+            node.give("tracked_bodies", TrackedBodyArray(bodies=[TrackedBody(id=name)]), steps=1)
+            now[0] += 1.0
+            node.run(1)
+        now[0] += LOG_PERIOD
+        node.run(1)
+        assert not node.world.bodies
+    lines = [line for line in capfd.readouterr().err.splitlines() if "bodies.timeout" in line]
+    assert [line.partition(": removed ")[2] for line in lines] == ["'first'", "'second'"]
 
 
 def test_frames_of_tf_are_bodies(domain: int) -> None:

@@ -92,6 +92,13 @@ def test_the_newest_time_that_all_frames_know_is_taken() -> None:
     assert found.translation[0] == pytest.approx(3.0)
 
 
+def test_a_leading_slash_of_a_name_means_nothing() -> None:
+    """As to tf2; parameters and messages of others may have one."""
+    buffer = FrameBuffer()
+    buffer.add("map", "robot/base_link", turned(0.3), None)
+    assert buffer.lookup("/map", "/robot/base_link") == buffer.lookup("map", "robot/base_link")
+
+
 def test_what_is_not_known_then_is_refused() -> None:
     buffer = FrameBuffer()
     buffer.add("map", "odom", turned(0.0), 10.0)

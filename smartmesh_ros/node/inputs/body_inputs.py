@@ -42,6 +42,8 @@ class BodyInputs:
         self._session, self.transforms = session, transforms
         self._clocks = SourceClocks(session)
         self._pose_array_names: set[str] = set()
+        self._gone: list[str] = []  # bodies that timed out, and are not logged yet
+        self._told = -LOG_PERIOD  # steady time of that line [s]
         shapes = session.settings.shapes
         self._solids = {entry.body: entry.solid for entry in shapes if entry.solid is not None}
         self._robots = {entry.body: TrackedRobot(entry.body, entry.urdf) for entry in shapes if entry.urdf}
@@ -70,12 +72,14 @@ class BodyInputs:
         self.transforms.buffer.clear()
 
     def expire(self) -> None:
-        """Removes the tracked bodies without a pose for the time-out, and logs them."""
-        session = self._session
-        if gone := session.tracking.expire(session.clock.pace()):
+        """Removes the tracked bodies without a pose for the time-out, and logs them, at most once a `LOG_PERIOD`."""
+        session, gone = self._session, self._gone
+        gone += session.tracking.expire(session.clock.pace())
+        if gone and session.clock.steady() - self._told >= LOG_PERIOD:
             names = listed([*map(repr, gone)])
             words = f"no pose came within bodies.timeout = {session.settings.body_timeout:g} s: removed {names}"
-            session.node.get_logger().info(words, throttle_duration_sec=LOG_PERIOD)
+            session.node.get_logger().info(words)
+            self._gone, self._told = [], session.clock.steady()
 
     def _on_bodies(self, message: TrackedBodyArray) -> None:
         self._track("tracked_bodies", message.header, conversions.bodies_from(message))

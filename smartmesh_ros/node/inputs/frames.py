@@ -93,8 +93,10 @@ class FrameBuffer:
         """Return the pose of ``source`` in ``target`` at ``stamp`` [s], and that stamp.
 
         Without a stamp, the newest stamp common to all frames on the path; None if all of them are static. Interpolates
-        between transforms. Raises `InputError` if no path connects the frames, or a transform lacks that time.
+        between transforms. A leading ``/`` of a name means nothing, as to tf2. Raises `InputError` if no path connects
+        the frames, or a transform lacks that time.
         """
+        target, source = target.strip("/"), source.strip("/")
         up, down = self._way(source), self._way(target)
         shared = next((frame for frame in up if frame in down), None)
         if shared is None:
