@@ -233,10 +233,11 @@ class Collider:
             for mesh in session.world.terrain.meshes:
                 mesh.motion = self.settings.motion
             self._stand_on_soil()
-            session.tracking.timeout = self.settings.body_timeout
-            session.tracking.max_velocity = self.settings.max_velocity
+            session.tracking.timeout, session.tracking.max_velocity = settings.body_timeout, settings.max_velocity
             if names & {"physics.rate", "physics.deadline", "use_sim_time"}:
                 session.configure_pacer()
+            if "publish.clock" in names:  # stamps are simulated times from now on, or no longer
+                self._forget_stamps()
 
 
 class TerrainCollider(ParameterNode, Collider):

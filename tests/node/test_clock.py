@@ -18,7 +18,7 @@ from smartmesh_ros.node.outputs import transform_outputs
 from smartmesh_ros.tools.testing import COLLIDER, Probe, Process, heightmap_message
 from smartmesh_ros.tools.testing.replaying import replayed
 from smartmesh_ros.world.joints import JointCommand
-from tests.node.shared import Fed, changed, fed, own_time, seconds, spawn
+from tests.node.shared import Fed, changed, fed, own_time, seconds, spawn, transform_message
 from tests.urdfs import joint, link, robot
 
 HEIGHT, GRAVITY, STEP = 1000.0, 9.81, 1 / 240
@@ -243,6 +243,17 @@ def test_clock_is_simulated_time_and_so_are_the_stamps(shared: Probe) -> None:
         simulated = seconds(last.header.stamp) - seconds(first.header.stamp)
         assert simulated == pytest.approx(fallen(last) - fallen(first), abs=2 * STEP)
         assert times[0] <= seconds(last.header.stamp) <= times[-1] + 1.0
+
+
+def test_stamps_are_of_another_clock_once_the_node_publishes_its_own() -> None:
+    with fed({"bodies.frames": ["cart"], "frame_id": "map"}) as node:
+        for rate in (0.0, 100.0, 0.0):
+            assert not node.set("publish.clock", rate)
+            cart = transform_message(node, "map", "cart")
+            cart.header.stamp = node.node.session.stamp_now()
+            node.give("/tf", TFMessage(transforms=[cart]))
+            assert "cart" in node.world.bodies
+        assert not node.node.refusals.counts
 
 
 def test_the_node_is_silent_while_another_publishes_the_clock(
