@@ -56,7 +56,8 @@ class CylinderTouch {
     for (int k = 0; k < 2; ++k) cap_[k] = pose.at + axis_ * (k ? shape.half.z : -shape.half.z);
     side_[0] = pose.rotation * Vec3{0.0, 1.0, 0.0};
     side_[1] = cross(axis_, side_[0]);
-    tilting_ = (approach.angular - axis_ * dot(approach.angular, axis_)) * approach.duration;
+    middle_ = approach.velocity_at(pose.at);
+    tips_ = approach.angular - axis_ * dot(approach.angular, axis_), tilting_ = tips_ * approach.duration;
   }
 
   void run() {
@@ -99,22 +100,27 @@ class CylinderTouch {
       touch_point(facet, normal, cap_[k] - across * (radius_ / tilt), name_of(BodyFeature::Rim, name + k));
   }
 
-  // A point of a rim against a facet.
+  // A point of a rim against a facet. It stays where it is when the cylinder spins about its axis.
   void touch_point(const Facet& facet, const Vec3& normal, const Vec3& low, int name) {
     const Vec3 &a = patch_.points[facet.corner[0]], &b = patch_.points[facet.corner[1]],
                &c = patch_.points[facet.corner[2]];
-    const double distance = dot(normal, low - a);
-    const Vec3 velocity = approach_.velocity_at(low);
-    const MovingPoint point{low, velocity, 0.0, approach_.contact_distance(velocity), pose_.at};
-    if (distance > point.contact_distance || distance < -2.0 * shape_.bounding_radius) return;
+    const double distance = dot(normal, low - a), contact_distance = contact_distance_at(low);
+    if (distance > contact_distance || distance < -2.0 * shape_.bounding_radius) return;
+    const MovingPoint point{low, middle_ + cross(tips_, low - pose_.at), 0.0, contact_distance, pose_.at};
     const Vec3 projected = low - normal * distance;
     if (distance < 0.0) {
       if (inside_triangle(projected, a, b, c, facet.normal, 0.0) || is_over(low, a, b, c)) touch_all(point, name);
       return;
     }
     if (!comes_over(point, normal, distance, approach_.duration, 0.0, facet, patch_)) return;
-    if (patch_.is_mesh && penetrated(pose_.at, low, patch_) != nullptr) return;  // the facet is hidden
+    if (patch_.is_mesh && !is_outermost(facet, low)) return;
     add(projected, normal, distance, name, ground_name(patch_, facet));
+  }
+
+  // Returns true if no other facet of a mesh hides this one: the way to `p` goes through none.
+  bool is_outermost(const Facet& facet, const Vec3& p) const {
+    const Facet* passed = penetrated(pose_.at, p, patch_);
+    return passed == nullptr || passed == &facet;
   }
 
   // A point of a rim against all facets.
@@ -239,8 +245,9 @@ class CylinderTouch {
   std::vector<Contact>& contacts_;
   double radius_;
   Vec3 axis_, cap_[2], side_[2];
-  Vec3 tilting_;  // rotation of the axis in the step [rad]
-  double spin_;   // way that turning may move a point of a rim relative to its centre [m]
+  Vec3 middle_, tips_;  // velocity of the middle [m/s], angular velocity without the spin about the axis [rad/s]
+  Vec3 tilting_;        // rotation of the axis in the step [rad]
+  double spin_;         // way that turning may move a point of a rim relative to its centre [m]
   Pose pose_;
 };
 

@@ -126,12 +126,15 @@ bool comes_over(const MovingPoint& point, const Vec3& n, double distance, double
   if (!(gap >= 0.0 && closing * duration > gap)) return false;
   const Vec3 then = projected + (point.velocity + n * closing) * (gap / closing);
   if (inside_triangle(then, p[k[0]], p[k[1]], p[k[2]], facet.normal, slack * point.radius)) return true;
-  // A point that slides down a facet meets the next one at their common edge.
-  if (!inside_triangle(then, p[k[0]], p[k[1]], p[k[2]], facet.normal, closing * duration)) return false;
-  const Vec3 way = point.velocity * duration, end = point.at + way;
+  // A point that comes down on one facet may slide on to the next one within the step.
+  const Vec3 way = point.velocity * duration, end = point.at + way - n * point.radius;
+  const double slide = closing * duration;
+  if (!inside_triangle(then, p[k[0]], p[k[1]], p[k[2]], facet.normal, slide) &&
+      !inside_triangle(projected + way + n * slide, p[k[0]], p[k[1]], p[k[2]], facet.normal, slide))
+    return false;
   if (patch.is_mesh) return penetrated(point.inside + way, end, patch) == &facet;
   double depth;
-  const int out = way_out({end, point.velocity, point.radius, 0.0, point.inside + way}, patch, depth);
+  const int out = way_out({end, point.velocity, 0.0, 0.0, point.inside + way}, patch, depth);
   return out >= 0 && &patch.facets[out] == &facet;
 }
 

@@ -15,6 +15,8 @@ namespace {
 constexpr double FLUSH = 1e-3;
 // Distance from a facet within which a contact is on it [m].
 constexpr double ON = 1e-6;
+// Cosine of the angle between two facets up to which both bear a body; at a larger angle one may be the side of a step.
+constexpr double BEARS = 0.7;
 
 bool are_parallel(const Vec3& a, const Vec3& b) { return norm2(cross(a, b)) <= SEAT * SEAT; }
 
@@ -80,7 +82,7 @@ bool Seams::is_inside_plane(const Contact& contact) const {
 
 // A contact is against a facet of another piece if it lies on that facet and its normal is outside the facet's cone. It
 // is real only if its own piece stands out of the facet there: by a facet with that normal, or by two facets with an
-// edge between them. Else it belongs to a rim that is hidden.
+// edge between them. Else it belongs to a rim that is hidden. What overlaps may leave the cone by SEAT, as in one piece.
 bool Seams::is_hidden_by(const PieceFacet& facet, const Vec3& inside, double deepest, const Contact& contact) const {
   const Vec3 &p = contact.point, &n = contact.normal, &origin = facet.corner[0];
   const Vec3 out = dot(facet.normal, inside - origin) < 0.0 ? -facet.normal : facet.normal;
@@ -92,15 +94,19 @@ bool Seams::is_hidden_by(const PieceFacet& facet, const Vec3& inside, double dee
   const Vec3 lifted = p + out * lift;
   const double beside = lift < 0.0 ? -lift / norm(cross(out, n)) : lift;
   if (!is_within(lifted, facet.corner, facet.normal, FLUSH)) return false;
+  const double slack = contact.distance > 0.0 ? CONE_TOLERANCE : SEAT;
   const bool is_against = std::any_of(std::begin(facet.corner), std::end(facet.corner),
-                                      [&](const Vec3& corner) { return !is_below(n, lifted, corner, CONE_TOLERANCE); });
+                                      [&](const Vec3& corner) { return !is_below(n, lifted, corner, slack); });
   if (!is_against) return false;
+  // Beside the facet, only its own piece bears the body there.
+  const bool bears = dot(out, n) > BEARS && !is_within(lifted, facet.corner, facet.normal, ON);
   bool is_on_piece = false;
   const PieceFacet* standing = nullptr;
   for (const PieceFacet& own : facets_) {
     if (own.piece == facet.piece) continue;
     const bool is_touched = are_parallel(own.normal, n);
     if (!is_within(p, own.corner, own.normal, is_touched && ahead > 0.0 ? FLUSH + beside : ON)) continue;
+    if (is_touched && bears) return false;
     is_on_piece = true;
     if (std::none_of(std::begin(own.corner), std::end(own.corner),
                      [&](const Vec3& corner) { return dot(out, corner - origin) > FLUSH; }))
