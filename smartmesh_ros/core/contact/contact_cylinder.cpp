@@ -163,12 +163,16 @@ class CylinderTouch {
         add(at, n, norm(away), name_of(BodyFeature::Rim, cap), ground);
       return;
     }
-    // Inside, out by the nearer of cap and side that the ground can touch.
+    // Inside, out by the nearer of cap and side that the ground can touch, if the other is not much nearer.
     const bool inside = over_cap <= 0.0 && over_side <= 0.0;
-    if (by_cap && over_side <= 0.0 && (!inside || !by_side || over_cap >= over_side))
-      add(at, from_cap, over_cap, name_of(BodyFeature::Face, cap), ground, NormalOf::Body);
-    else if (by_side && over_cap <= 0.0)
+    const auto is_way = [&](double distance) {
+      return !inside || std::max(over_cap, over_side) <= MUCH_SHORTER * distance;
+    };
+    if (by_cap && over_side <= 0.0 && (!inside || !by_side || over_cap >= over_side)) {
+      if (is_way(over_cap)) add(at, from_cap, over_cap, name_of(BodyFeature::Face, cap), ground, NormalOf::Body);
+    } else if (by_side && over_cap <= 0.0 && is_way(over_side)) {
       add(at, from_side, over_side, name_of(BodyFeature::Side, 0), ground);
+    }
   }
 
   // The line along the side that is nearest to an edge.

@@ -21,15 +21,15 @@ Vec3 outward_of(const Patch& patch, const Edge& ground, const PolyEdge& edge, co
   return edge.faces[0] < 0 ? away : pose.rotation * (edge.into[0] + edge.into[1]);
 }
 
-// Returns true if a line is below the ground where it is as far below one facet of an edge as below the other. `a`: an
-// end of the edge; `between`: difference of the facets' normals.
-bool is_below(const Crossing& line, const Vec3& a, const Vec3& between, const Patch& patch) {
+// Returns the point of a line that is as far below one facet of an edge as below the other. `a`: an end of the edge;
+// `between`: difference of the facets' normals.
+Vec3 deepest_of(const Crossing& line, const Vec3& a, const Vec3& between) {
   const double closing = dot(between, line.along);
-  const Vec3 deepest =
-      std::abs(closing) > 1e-9 ? line.at - line.along * (dot(between, line.at - a) / closing) : line.at;
-  double below;
-  return way_out(deepest, patch, below) >= 0;
+  return std::abs(closing) > 1e-9 ? line.at - line.along * (dot(between, line.at - a) / closing) : line.at;
 }
+
+// Returns true if a point is in the ball around a shape.
+bool is_near(const Convex& shape, const Pose& pose, const Vec3& p) { return norm(p - pose.at) <= shape.bounding_radius; }
 
 // Returns the normal of a pair of edges, that of the face or facet beside them if `n` lies beyond it, and what it turns
 // with.
@@ -54,9 +54,8 @@ bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, cons
                  const Crossing& crossing) {
   const double limit = MUCH_SHORTER * crossing.distance;
   const Vec3 &a = patch.points[edge.end[0]], &b = patch.points[edge.end[1]];
-  const Vec3 on_ground = a + (b - a) * along_segment(crossing.at, a, b);
-  if (norm(on_ground - pose.at) > shape.bounding_radius)
-    return false;  // an edge that overlaps the shape is inside it there
+  const double t = along_segment(crossing.at, a, b);
+  if (!is_near(shape, pose, a + (b - a) * t)) return false;  // an edge that overlaps the shape is inside it there
   Vec3 corners[4] = {pose.to_local(a), pose.to_local(b)}, normals[2];
   int count = 2;
   for (int k : edge.opposite) {
@@ -68,8 +67,15 @@ bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, cons
     if (lowest(shape, transposed(pose.rotation, normal)) + dot(normal, pose.at - a) > limit) return false;
     corners[count++] = pose.to_local(patch.points[k]);
   }
-  const Vec3 between = count == 4 ? normals[0] - normals[1] : Vec3{};
-  if (!(patch.is_mesh ? is_passed(shape, corners[0], corners[1]) : is_below(crossing, a, between, patch))) return false;
+  if (patch.is_mesh) {
+    if (!is_passed(shape, corners[0], corners[1])) return false;
+  } else {
+    const Vec3 deepest = deepest_of(crossing, a, count == 4 ? normals[0] - normals[1] : Vec3{});
+    // Beyond the end of the edge, the line may come below the ground where the shape is not.
+    if (!(t > 0.0 && t < 1.0) && !is_near(shape, pose, deepest)) return false;
+    double below;
+    if (way_out(deepest, patch, below) < 0) return false;
+  }
   const auto leaves = [&](const Vec3& normal, double offset) {
     double least = 1e300;
     for (int k = 0; k < count; ++k) least = std::min(least, dot(normal, corners[k]) - offset);

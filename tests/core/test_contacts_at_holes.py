@@ -1,0 +1,39 @@
+"""Contacts of shapes that touch level ground with holes."""
+
+import numpy as np
+import pytest
+
+from smartmesh_ros import HeightMap
+from smartmesh_ros.core import _core
+from tests.core.contact_cases import random_rotation, wheel
+
+RESOLUTION, DEPTH, MARGIN = 0.05, 1e-4, 1e-3
+
+
+@pytest.mark.parametrize("kind", ["ball", "capsule", "box", "cylinder", "hull"])
+def test_no_contact_is_deeper_than_the_way_up(kind: str) -> None:
+    """A shape whose lowest point is 0.1 mm below the ground is out of it as soon as it is lifted by as much, wherever
+    the edges of the holes are: beyond the top of its wall, an edge is not there."""
+    for seed in range(1000):
+        rng = np.random.default_rng(seed)
+        heights = np.where(rng.random((24, 24)) < rng.choice([0.05, 0.15, 0.4]), np.nan, 0.0)
+        a, b, c = (RESOLUTION * rng.uniform(0.2, 2.5, 3)).tolist()
+        turn = random_rotation(rng)
+        if rng.random() < 0.5:  # it lies or stands
+            leaning = np.linalg.qr(np.eye(3) + 0.1 * rng.normal(size=(3, 3)))[0]
+            turn = np.ascontiguousarray(leaning * np.linalg.det(leaning)) @ np.eye(3)[:, rng.permutation(3)]
+            turn = np.ascontiguousarray(turn * np.linalg.det(turn))
+        rim = wheel(a, 2.0 * b, 12)
+        across, along = np.hypot(turn[2, 0], turn[2, 1]), abs(turn[2, 2])
+        shape, low = {
+            "ball": (_core.Shape.ball(a), a),
+            "capsule": (_core.Shape.capsule(a, b), a + b * along),
+            "box": (_core.Shape.box(a, b, c), float(np.abs(turn[2]) @ [a, b, c])),
+            "cylinder": (_core.Shape.cylinder(a, b), a * across + b * along),
+            "hull": (_core.Shape.hull(rim, 0.0), -float((rim @ turn[2]).min())),
+        }[kind]
+        pose = np.vstack([turn, [*rng.uniform(0.4, 0.75, 2), low - DEPTH]])
+        motion = rng.normal(size=(2, 3)) * rng.choice([0.0, 1.0, 3.0])
+        ground = HeightMap(heights, resolution=RESOLUTION)
+        found = _core.find_contacts(shape, [ground.core_reader], pose, motion, 1.0 / 240.0, MARGIN)
+        assert np.all(np.asarray(found)[:, 6] > -2.1 * DEPTH), seed
