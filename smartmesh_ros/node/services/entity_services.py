@@ -15,6 +15,7 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.ground.transform import Transform, fixed_to
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.outputs.body_outputs import pose_message, twist_message
+from smartmesh_ros.node.parameters.settings import LONGEST_NAME
 from smartmesh_ros.node.services.entities import own_bounds, select
 from smartmesh_ros.node.services.files import allowed_folders, files_in, robot_name, with_package_paths
 from smartmesh_ros.node.services.standard import Standard, tagged
@@ -100,8 +101,10 @@ class EntityServices:
         return name
 
     def _free_name(self, wanted: str) -> str:
+        """Return a name that no body has: the one that is ``wanted``, or else its beginning with a number."""
         wanted = wanted.replace("/", "_") or "entity"
-        names = chain([wanted], (f"{wanted}_{number}" for number in count(1)))
+        ends = (f"_{number}" for number in count(1))
+        names = chain([wanted], (wanted[: LONGEST_NAME - len(end)] + end for end in ends))
         return next(name for name in names if name not in self._session.world.bodies)
 
     def _delete(self, request: Any, _: Any) -> None:
