@@ -4,8 +4,8 @@ wheels, and beside the bag a parameter file with the demo's bodies.
 scripts/workspace run dev -- python scripts/make_demo_bag.py out/demo_bag
 """
 
+import argparse
 import math
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -57,7 +57,9 @@ def bodies() -> list[str]:
 
 
 def main() -> None:
-    path = Path(sys.argv[1])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("path", type=Path, help="folder of the bag, which does not exist yet")
+    path: Path = parser.parse_args().path
     bags.write(path, messages(SECONDS))
     file = path.with_suffix(".yaml")
     file.write_text(yaml.safe_dump({"/**": {"ros__parameters": {"bodies.spawn": bodies()}}}, width=200))

@@ -211,6 +211,9 @@ def test_poses_are_taken_in_the_frame_of_an_entity(started: Probe) -> None:
     assert pose_of(started, "rover") == pytest.approx((1.0, 2.0, 9.0), abs=1e-6)
     linear = ask(started, "get_entity_state", entity="rover").state.twist.linear
     assert (linear.x, linear.y) == pytest.approx((0.0, 1.0), abs=1e-6)
+    moving.header.frame_id = "world"  # the standard's name of the global frame, which is "map" here
+    assert ask(started, "set_entity_state", entity="rover", state=moving).result.result == OK
+    assert pose_of(started, "rover") == pytest.approx((0.0, 1.0, 0.0), abs=1e-6)
 
 
 def test_entities_are_filtered_by_name_and_place(started: Probe) -> None:

@@ -38,6 +38,8 @@ _SPAWN_REASONS = {
 }
 # Tag of the places where bodies of parameters and worlds start.
 START = "start"
+# The standard's name of a simulator's own frame: here that of the terrain, whatever its name.
+GLOBAL = "world"
 
 
 class EntityServices:
@@ -189,7 +191,8 @@ class EntityServices:
         Raises `InputError`."""
         session, frame = self._session, header.frame_id
         if frame == session.frame_id or frame not in session.world.bodies:
-            session.require_frame(frame)
+            if frame != GLOBAL:
+                session.require_frame(frame)
             return state
         return Transform.of(session.world.base_state(frame)).apply(state)
 

@@ -115,7 +115,7 @@ class Panel:
         ground = "" if remote.ground.tiles else "\n\nno map has come yet; the next one is shown"
         return (
             f"{head} `{remote.name}`\n\nreal-time factor **{factor:.2f}**, deadlines missed in the last {WINDOW:g} s: "
-            f"**{missed}**\n\n{len(sight.appearances)} bodies, {len(sight.patches)} patches{ground}"
+            f"**{missed}**\n\nbodies: {len(sight.appearances)}, patches: {len(sight.patches)}{ground}"
         )
 
     def _on(self, listen: Callable[[Any], Any], act: Callable[[], None]) -> None:
