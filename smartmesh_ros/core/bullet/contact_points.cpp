@@ -58,15 +58,19 @@ void tell_speed(double speed, double softness, const Touching& touching, btManif
 // slip it acts.
 void tell_slide(const Vec3& slide, const Slip& slip, const Vec3& normal, const Touching& touching,
                 btManifoldPoint& point) {
-  const btVector3 aim = to_bullet(slide - normal * dot(slide, normal));
   btPlaneSpace1(point.m_normalWorldOnB, point.m_lateralFrictionDir1, point.m_lateralFrictionDir2);
   if (btRigidBody::upcast(&touching.body) == nullptr || touching.body.hasAnisotropicFriction()) {
-    // As if the body held on to a point of the ground, which friction pulls it to in the step.
-    if (aim.fuzzyZero()) return;
-    (touching.ground_is_b ? point.m_positionWorldOnB : point.m_positionWorldOnA) += aim * touching.anchor_time;
+    // As if the body held on to a point of the ground that is where its own is, and which friction pulls it to in the
+    // step. The way from the ground to the body has no part in that: it is not along the normal if that is turned.
+    // Directions of anisotropic friction are not along the ground.
+    const btVector3 way = to_bullet(slide) * touching.anchor_time;
+    if (way.fuzzyZero()) return;
+    btVector3 &on_a = point.m_positionWorldOnA, &on_b = point.m_positionWorldOnB;
+    (touching.ground_is_b ? on_b : on_a) = (touching.ground_is_b ? on_a : on_b) + way;
     point.m_contactPointFlags |= BT_CONTACT_FLAG_FRICTION_ANCHOR;
     return;
   }
+  const btVector3 aim = to_bullet(slide - normal * dot(slide, normal));
   // Bullet limits friction along two directions by the same force; a shorter one makes it less.
   if (const Vec3 along = slip.along - normal * dot(slip.along, normal); norm2(along) > 0.0) {
     point.m_lateralFrictionDir1 = to_bullet(unit(along));
