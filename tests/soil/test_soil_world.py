@@ -67,3 +67,15 @@ def test_what_sleeps_on_hard_soil_sinks_when_soft_soil_lies_there() -> None:
             world.terrain.tiles[""].soil = np.zeros((101, 101), np.uint8)  # type: ignore[union-attr]
             world.step(240)
             assert world.state("box").position[2] < 0.096
+
+
+@pytest.mark.parametrize("samples", [1, 4, 5])
+def test_the_map_is_lower_by_the_sinkage_of_its_samples(samples: int) -> None:
+    """Also of those at the edge of a print, and where fine samples lie in the middle between two of the map."""
+    with World(HeightMap(FLAT, resolution=0.04)) as world:
+        world.ground.set_soil(soil := Soil(world.terrain, "lunar", spacing=0.04 / samples))
+        world.spawn("ball", Sphere(0.15), 20.0, BodyState((2.003, 1.987, 0.15), linear=(0.4, 0.3, 0.0)))
+        world.step(240)
+        soil.show()
+        assert soil.sinkage().max() > 0.01
+        np.testing.assert_allclose(soil.map.heights, -soil.sinkage(), atol=1e-6)

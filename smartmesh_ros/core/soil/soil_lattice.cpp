@@ -119,8 +119,10 @@ void SoilLattice::renew(int top, int left, int bottom, int right, std::int32_t l
 }
 
 void SoilLattice::note(int row, int column) {
-  const int half = refine_ / 2;
-  pressed_.insert(node_index((row + half) / refine_, (column + half) / refine_));
+  // A sample in the middle between two samples of the map is around both.
+  const int half = refine_ / 2, before = refine_ - 1 - half;
+  for (int r = (row + before) / refine_; r <= (row + half) / refine_; ++r)
+    for (int c = (column + before) / refine_; c <= (column + half) / refine_; ++c) pressed_.insert(node_index(r, c));
 }
 
 const FineSample* SoilLattice::find(int row, int column) const {
