@@ -96,7 +96,9 @@ class Stage:
         self.page.cameras.look(self.remote.ground, self.remote.sight)
 
     def stand_behind_the_robot(self) -> None:
-        """Place the page's camera behind and above the robot, pointing at the median of the other bodies."""
+        """Place the page's camera behind and above the robot, pointing at the median of the other bodies, and draw
+        shadows, which take too much processor time while the demo runs."""
+        self.page.scene.light(shadows=True)
         sight = self.remote.sight
         robot = np.array(sight.poses[ROBOT].position)
         away = np.median([pose.position for pose in sight.poses.values()], axis=0)[:2] - robot[:2]
@@ -132,7 +134,6 @@ def main() -> None:
         sys.exit("no Chromium is installed (Debian: apt install chromium)")
     with stage(path) as shown:
         shown.run(FALL)
-        shown.page.scene.light(shadows=True)
         shown.opened.add_style_tag(content=".mantine-Paper-root { visibility: hidden }")
         shown.shoot(IMAGES / "demo.png", WIDE, shown.stand_behind_the_robot)
     with stage(path) as shown:
