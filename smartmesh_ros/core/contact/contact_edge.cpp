@@ -29,7 +29,9 @@ Vec3 deepest_of(const Crossing& line, const Vec3& a, const Vec3& between) {
 }
 
 // Returns true if a point is in the ball around a shape.
-bool is_near(const Convex& shape, const Pose& pose, const Vec3& p) { return norm(p - pose.at) <= shape.bounding_radius; }
+bool is_near(const Convex& shape, const Pose& pose, const Vec3& p) {
+  return norm(p - pose.at) <= shape.bounding_radius;
+}
 
 // Returns the normal of a pair of edges, that of the face or facet beside them if `n` lies beyond it, and what it turns
 // with.

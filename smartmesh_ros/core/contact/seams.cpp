@@ -82,7 +82,8 @@ bool Seams::is_inside_plane(const Contact& contact) const {
 
 // A contact is against a facet of another piece if it lies on that facet and its normal is outside the facet's cone. It
 // is real only if its own piece stands out of the facet there: by a facet with that normal, or by two facets with an
-// edge between them. Else it belongs to a rim that is hidden. What overlaps may leave the cone by SEAT, as in one piece.
+// edge between them. Else it belongs to a rim that is hidden. A contact that overlaps may leave the cone by SEAT, as
+// within one piece.
 bool Seams::is_hidden_by(const PieceFacet& facet, const Vec3& inside, double deepest, const Contact& contact) const {
   const Vec3 &p = contact.point, &n = contact.normal, &origin = facet.corner[0];
   const Vec3 out = dot(facet.normal, inside - origin) < 0.0 ? -facet.normal : facet.normal;

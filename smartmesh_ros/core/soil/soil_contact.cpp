@@ -39,7 +39,8 @@ Vec3 on_surface(const Underside& shape, const Vec3& mean) {
 }  // namespace
 
 // Fills `under_` with the samples that a part whose rim slips reaches if it goes down by `deepest` [m].
-void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, double slip, double deepest, const SoilStep& step) {
+void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, double slip, double deepest,
+                           const SoilStep& step) {
   under_.clear();
   const SampleRectangle all = samples_around(soil, placed, half_extent(placed.shape, 0), half_extent(placed.shape, 1));
   if (all.empty()) return;
@@ -180,7 +181,8 @@ bool SoilUnderBody::find_quarters(const PlacedPart& placed, Quarter (&quarters)[
 }
 
 // Fills the sums of a quarter whose samples have their loads, for a part at its place `then`.
-void SoilUnderBody::sum(const PlacedPart& placed, const Solid& then, const ShearedRim& rim, double dt, Quarter& quarter) {
+void SoilUnderBody::sum(const PlacedPart& placed, const Solid& then, const ShearedRim& rim, double dt,
+                        Quarter& quarter) {
   for (Under& under : quarter.under) {
     if (!under.carries()) continue;
     const Vec3 normal = under.normal = placed.normal(under.offset, under.is_beside);

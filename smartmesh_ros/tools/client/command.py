@@ -180,19 +180,23 @@ def param(caller: Caller, options: argparse.Namespace) -> str:
     """Get a parameter, all of them, or set one."""
     client = caller.remote.parameters
     caller.wait_for(client.services_are_ready, "services for parameters")
+
+    def answer(future: Any) -> Any:
+        return caller.wait_for(lambda: future.done() and future.result(), "answer")
+
+    def known() -> list[str]:
+        return sorted(answer(client.list_parameters([], 0)).result.names)
+
     if options.value is not None:
-        future = client.set_parameters([Parameter(options.name, value=yaml.safe_load(options.value))])
-        result = caller.wait_for(lambda: future.done() and future.result(), "answer").results[0]
+        wanted = Parameter(options.name, value=yaml.safe_load(options.value))
+        [result] = answer(client.set_parameters([wanted])).results
         if not result.successful:
             raise InputError("refused", result.reason)
         return ""
-    listed = client.list_parameters([], 0)
-    known = sorted(caller.wait_for(lambda: listed.done() and listed.result(), "answer").result.names)
-    names = known if options.name is None else [options.name]
-    got = client.get_parameters(names)
-    values = caller.wait_for(lambda: got.done() and got.result(), "answer").values
+    names = known() if options.name is None else [options.name]
+    values = answer(client.get_parameters(names)).values
     if len(values) != len(names):
-        hint = suggestion(options.name, known)
+        hint = suggestion(options.name, known())
         raise InputError("parameter", f"{caller.remote.name} has no parameter {options.name!r}{hint}")
     plain_values = [parameter_value_to_python(value) for value in values]
     if options.name is not None:
