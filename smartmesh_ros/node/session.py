@@ -195,6 +195,11 @@ class Session:
         """Return the time to compare stamps with [s]: simulated time if the node publishes it, else its clock."""
         return self.time_at(0.0) if self.settings.publish.clock else self.clock.stamp_now()
 
+    @property
+    def waits_for_clock(self) -> bool:
+        """True before the first message of ``/clock``."""
+        return self.clock.simulated and not self.clock.stamp_now()
+
     def stamp_clock(self) -> StampClock:
         """Return the clock of the stamps of a source that has sent none yet."""
         return StampClock(lambda: self.pacer.interval)

@@ -51,9 +51,8 @@ class SourceClocks:
     def _note(self, source: str, placed: Placed) -> None:
         """Log a line if the stamps of a source, of which this is the first, are not on this node's clock, once that
         runs: maps may come before the first message of ``/clock``."""
-        session, simulated = self._session, self._session.clock.simulated
-        waits = simulated and session.clock.stamp_now() == 0.0
-        if waits or not placed.fresh or placed.own or placed.stamp is None:
+        session = self._session
+        if session.waits_for_clock or not placed.fresh or placed.own or placed.stamp is None:
             return
         age = session.clock_now() - placed.stamp
         where = f"{age:.3f} s old" if age > 0.0 else f"{-age:.3f} s ahead of this node's clock"
@@ -61,5 +60,5 @@ class SourceClocks:
         if age > 0.0:
             session.node.get_logger().info(words)
         else:
-            cure = "synchronise the clocks" if simulated else "set use_sim_time, or synchronise the clocks"
-            session.node.get_logger().warning(f"{words}; {cure}")
+            cure = "" if session.clock.simulated else "set use_sim_time, or "
+            session.node.get_logger().warning(f"{words}; {cure}synchronise the clocks")

@@ -49,8 +49,9 @@ from smartmesh_ros.world.world import ROUNDING
 
 # Outputs that show patches.
 PATCH_OUTPUTS = ("patches", "collider_patches")
-# Longest wait at the end until subscribers have the last message [s].
-LAST_WORDS = 0.5
+# Longest wait at the end until subscribers that are held up have the last messages; ``ros2 launch`` kills a node after
+# 5 s [s].
+LAST_WORDS = 3.0
 
 
 class RateTime:
@@ -168,13 +169,17 @@ class Publishing:
 
     def close(self) -> None:
         """Deletes patches and scene from the displays of subscribers, which keep them else."""
-        for name, spaces in (("patches", [self._session.marker_namespace]), ("scene", self._scene.namespaces)):
-            publisher = self._outputs[name].publisher
+        end = self._now() + LAST_WORDS
+        of_displays = {"patches": [self._session.marker_namespace], "scene": self._scene.namespaces}
+        watched = {name: self._outputs[name].publisher for name in of_displays}
+        watched = {name: publisher for name, publisher in watched.items() if publisher.get_subscription_count()}
+        for name, publisher in watched.items():
             with self._session.enduring(name):
-                if publisher.get_subscription_count():
-                    markers = [patch_outputs.deletion(self._header(), space) for space in spaces]
-                    publisher.publish(MarkerArray(markers=markers))
-                    publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS))
+                markers = [patch_outputs.deletion(self._header(), space) for space in of_displays[name]]
+                publisher.publish(MarkerArray(markers=markers))
+        for name, publisher in watched.items():
+            with self._session.enduring(name):
+                publisher.wait_for_all_acked(Duration(seconds=max(end - self._now(), 0.0)))
 
     def publish_patches(self) -> None:
         """Publishes the patch outputs that are due; called before a step, so that they do not wait for the physics."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 from std_msgs.msg import Header
 
@@ -115,7 +114,7 @@ class TransformOutputs:
                 yield OwnFrame(names[0], name, IDENTITY)
 
 
-def require_transforms(rate: float) -> Any:
-    """Return the class TFMessage if it is needed for a rate of ``publish.tf`` [Hz]. Raises `InputError` if its package
-    is not installed."""
-    return require_message("tf2_msgs", "TFMessage", PARAMETER) if rate else None
+def require_transforms(rate: float) -> None:
+    """Raises `InputError` if a rate of ``publish.tf`` [Hz] needs the class TFMessage and its package is missing."""
+    if rate:
+        require_message("tf2_msgs", "TFMessage", PARAMETER)

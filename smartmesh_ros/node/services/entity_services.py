@@ -37,7 +37,7 @@ _SPAWN_REASONS = {
     **_POSE_REASONS,
 }
 # Tag of the places where bodies of parameters and worlds start.
-START = "start"
+START_TAG = "start"
 # The standard's name of a simulator's own frame: here that of the terrain, whatever its name.
 GLOBAL = "world"
 
@@ -125,9 +125,9 @@ class EntityServices:
         response.result.error_message = "; ".join(wrong)
 
     def _get_poses(self, request: Any, response: Any) -> None:
-        for name, start in self._node.initial.starts.items() if tagged([START], request.tags) else ():
+        for name, start in self._node.initial.starts.items() if tagged([START_TAG], request.tags) else ():
             words = f"where {name} starts"
-            pose = self._messages.NamedPose(name=name, description=words, tags=[START], pose=pose_message(start))
+            pose = self._messages.NamedPose(name=name, description=words, tags=[START_TAG], pose=pose_message(start))
             response.poses.append(pose)
 
     def _get_pose_bounds(self, _: Any, __: Any) -> None:
