@@ -54,7 +54,7 @@ def write_field(model: Any, data: Any, field: int | str, patch: Patch) -> None:
         raise InputError(
             "size",
             f"the patch of {patch.name!r} takes {high} x {wide} samples with its rim, and height field {found.name!r} "
-            f"has room for {found.room}; give it nrow x ncol of {high * wide} or more, 33 x 33 for any tracked body",
+            f"has room for {found.room}; give it nrow x ncol of {high * wide} or more, 77 x 77 for any body",
         )
     first, last = patch.vertices_w[0], patch.vertices_w[-1]
     across, down = (patch.vertices_w[1] - first)[:2], (patch.vertices_w[columns] - first)[:2]

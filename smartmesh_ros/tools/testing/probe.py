@@ -129,9 +129,8 @@ class Probe:
     ) -> Iterator[Process]:
         """Run an executable of a package in the probe's namespace for the length of the block; yield its `Process`.
 
-        The block begins once the collider is connected to the probe, within ``timeout`` [s], which is long because a
-        first start may compile; the wait fails at once if the process ends. With another executable the block begins at
-        once.
+        The block begins once the collider is connected to the probe, within ``timeout`` [s], which is long for busy
+        machines; the wait fails at once if the process ends. With another executable the block begins at once.
         """
         if self.namespace:
             arguments = [*arguments, "--ros-args", "-r", f"__ns:={self.namespace}", "--"]
