@@ -9,7 +9,7 @@ import numpy as np
 import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import InputError
+from smartmesh_ros import InputError, PhysicsConfig
 from smartmesh_ros.ground.shown_ground import make_shape, quarter_turn, replace_heights
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
@@ -18,9 +18,6 @@ from studies.report.made import HOLE
 
 # Largest arrays that PyBullet accepts.
 MOST_VERTICES, MOST_INDICES = 131_072, 524_288
-# Fraction of a penetration that the solver corrects per step. The same as the package's default, so that engines differ
-# in their colliders only.
-CONTACT_ERP = 0.2
 
 
 class BulletEngine(Engine):
@@ -64,7 +61,8 @@ class _WholeMap(BulletEngine):
         self.client = BulletClient(pb.DIRECT)
         self.client.setGravity(*setup.gravity)
         self.client.setTimeStep(setup.dt)
-        self.client.setPhysicsEngineParameter(contactERP=CONTACT_ERP, erp=CONTACT_ERP)
+        share = PhysicsConfig().contact_erp  # as in our worlds: the engines differ in their colliders alone
+        self.client.setPhysicsEngineParameter(contactERP=share, erp=share)
         self.uids = [self.add(body, useMaximalCoordinates=1) for body in setup.bodies]
 
     def step(self) -> None:

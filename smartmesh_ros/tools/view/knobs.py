@@ -132,7 +132,7 @@ class KnobPanel:
         with self._tab:
             self._state.content = "Values that may change while the node runs. Fixed ones need a restart."
             for group, members in groups.items():
-                with self._server.gui.add_folder(group, expand_by_default=group in ("physics", "patch")):
+                with self._server.gui.add_folder(group, expand_by_default=group == "physics"):
                     for knob in members:
                         self._add(knob)
 
