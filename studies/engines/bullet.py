@@ -61,7 +61,10 @@ class _WholeMap(BulletEngine):
         self.client = BulletClient(pb.DIRECT)
         self.client.setGravity(*setup.gravity)
         self.client.setTimeStep(setup.dt)
-        share = PhysicsConfig().contact_erp  # as in our worlds: the engines differ in their colliders alone
+        # Of a penetration as much is corrected in a second as in our worlds, so that engines differ in their colliders
+        # alone. As much in a step would throw the bodies of fine references.
+        physics = PhysicsConfig()
+        share = physics.contact_erp * physics.rate * setup.dt
         self.client.setPhysicsEngineParameter(contactERP=share, erp=share)
         self.uids = [self.add(body, useMaximalCoordinates=1) for body in setup.bodies]
 

@@ -10,6 +10,7 @@ from smartmesh_ros import GridGeometry, InputError
 from smartmesh_ros.tools.evaluation.clearance import clearances
 from smartmesh_ros.tools.evaluation.grounds import GROUNDS, make_ground
 from smartmesh_ros.tools.evaluation.scene import read_scene, read_scenes
+from studies import accuracy, contest
 from studies.accuracy import BodyContest
 
 SCENES = read_scenes()
@@ -58,6 +59,22 @@ def test_files_that_make_no_scene_are_refused(tmp_path: Path, text: str) -> None
     path.write_text(text)
     with pytest.raises(InputError):
         read_scene(path).make_ground()
+
+
+@pytest.mark.parametrize("name", ["slope", "elevation_10m"])
+def test_references_on_rigid_ground_change_little_at_four_times_the_rate(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where they correct the same share of a penetration in each step they change by 94 mm and 31 m."""
+    [scene] = [scene for scene in SCENES if scene.name == name]
+    few = replace(scene, bodies=replace(scene.bodies, count=12))
+    places = []
+    for rate in (contest.FINE_RATE, 4.0 * contest.FINE_RATE):
+        for module in (contest, accuracy):
+            monkeypatch.setattr(module, "FINE_RATE", rate)
+        places.append(BodyContest(few).reference())
+    assert places[0] is not None and places[1] is not None
+    assert np.median(np.linalg.norm(places[0] - places[1], axis=1)) < 2e-3
 
 
 def test_ground_that_slides_is_at_rest_for_who_goes_along() -> None:
