@@ -20,6 +20,14 @@ from studies.report.made import HOLE
 MOST_VERTICES, MOST_INDICES = 131_072, 524_288
 
 
+def corrected_share(dt: float) -> float:
+    """Return the share of a penetration that the solver corrects in a step of ``dt`` [s], as much in a second as our
+    worlds at their usual rate, so that engines differ in their colliders alone. As much in a step would throw the
+    bodies of fine references."""
+    usual = PhysicsConfig()
+    return usual.contact_erp * usual.rate * dt
+
+
 class BulletEngine(Engine):
     """Bodies ``uids`` of a PyBullet ``client``."""
 
@@ -61,10 +69,7 @@ class _WholeMap(BulletEngine):
         self.client = BulletClient(pb.DIRECT)
         self.client.setGravity(*setup.gravity)
         self.client.setTimeStep(setup.dt)
-        # Of a penetration as much is corrected in a second as in our worlds, so that engines differ in their colliders
-        # alone. As much in a step would throw the bodies of fine references.
-        physics = PhysicsConfig()
-        share = physics.contact_erp * physics.rate * setup.dt
+        share = corrected_share(setup.dt)
         self.client.setPhysicsEngineParameter(contactERP=share, erp=share)
         self.uids = [self.add(body, useMaximalCoordinates=1) for body in setup.bodies]
 

@@ -21,6 +21,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.robots.meshes import obj_parts
 from studies.configurations import Configuration
 from studies.contest import FINE_RATE, Contest, Runner
+from studies.engines.bullet import corrected_share
 from studies.engines.smartmesh import WorldRobots
 from studies.report.config import ReportConfig
 from studies.robots.robot import STARTS, RobotEngine, RobotScene, RobotSetup, setup_of
@@ -213,7 +214,8 @@ class RobotContest(Contest):
         report = ReportConfig(kind="whole_trimesh") if not scene.map_rate else None
         every = round(FINE_RATE / MAPS)
         maps = range(every, round(FINE_RATE), every) if scene.map_rate else range(0)
-        return self.places_in(WorldRobots(setup, report=report, physics=PhysicsConfig(sleep=False)), scene.ground, maps)
+        physics = PhysicsConfig(sleep=False, contact_erp=corrected_share(setup.dt))
+        return self.places_in(WorldRobots(setup, report=report, physics=physics), scene.ground, maps)
 
     def _setup(self, rate: float) -> RobotSetup:
         """Return the robots for an engine that steps at ``rate`` [Hz]."""
