@@ -21,7 +21,7 @@ from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.timing.pacing import NodeClock
 from smartmesh_ros.tools.testing import pose_message
 from tests.examples import examples
-from tests.node.shared import Fed, fed, own_time, stamped, transform_message, wait_until
+from tests.node.shared import Fed, Logged, fed, stamped, transform_message, wait_until
 
 INPUTS = {
     "bodies.poses": ["arm=/arm/tip_pose", "/second/pose"],
@@ -35,9 +35,7 @@ def transform(node: Fed, parent: str, child: str, x: float, y: float, yaw: float
     return TFMessage(transforms=[transform_message(node, parent, child, (x, y, 0.0), yaw)])
 
 
-def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(
-    domain: int, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(logged: Logged) -> None:
     with fed({**INPUTS, "bodies.timeout": 0.5}) as node:
         odometry = Odometry(child_frame_id="base_link")
         odometry.pose.pose = pose_message((-3.0, 4.0, 0.2))
@@ -57,18 +55,18 @@ def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(
         for x in (0.0, 100.0):
             node.give("/second/pose", stamped(node, PoseStamped(pose=pose_message((x, 5.0, 0.2)))))
         assert node.node._outputs._diagnostics._bodies()[2]["jumps on /second/pose"] == 1
-        assert "the pose of 'second.pose' jumped by 100 m" in capfd.readouterr().err
+        assert "the pose of 'second.pose' jumped by 100 m" in logged()
 
 
 def place(node: Fed, name: str) -> tuple[float, float]:
     return node.world.state(name).position[:2]
 
 
-def test_poses_in_another_frame_are_transformed(domain: int, capfd: pytest.CaptureFixture[str]) -> None:
+def test_poses_in_another_frame_are_transformed(logged: Logged) -> None:
     with fed(INPUTS) as node:
         tip = PoseStamped(pose=pose_message((1.0, 0.0, 0.2)))
         node.give("/arm/tip_pose", stamped(node, tip, "odom"))
-        assert "no transform from 'odom' to 'map'" in capfd.readouterr().err
+        assert "no transform from 'odom' to 'map'" in logged()
         assert not node.world.bodies
         node.give("/tf", transform(node, "map", "odom", 2.0, 3.0, YAW))
         node.give("/arm/tip_pose", stamped(node, tip, "odom"))
@@ -87,11 +85,8 @@ def test_poses_in_another_frame_are_transformed(domain: int, capfd: pytest.Captu
             assert node.world.bodies.keys() == {"arm", "stone", *(f"body_{index}" for index in range(count))}
 
 
-def test_each_body_that_times_out_is_named(
-    domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_each_body_that_times_out_is_named(now: list[float], monkeypatch: pytest.MonkeyPatch, logged: Logged) -> None:
     """Also those that follow another within the pause of that line in the log."""
-    now = own_time(monkeypatch)
     monkeypatch.setattr(NodeClock, "steady", lambda _: now[0])
     with fed({"bodies.timeout": 0.5}) as node:
         for name in ("first", "second"):
@@ -101,11 +96,11 @@ def test_each_body_that_times_out_is_named(
         now[0] += LOG_PERIOD
         node.run(1)
         assert not node.world.bodies
-    lines = [line for line in capfd.readouterr().err.splitlines() if "bodies.timeout" in line]
+    lines = [line for line in logged().splitlines() if "bodies.timeout" in line]
     assert [line.partition(": removed ")[2] for line in lines] == ["'first'", "'second'"]
 
 
-def test_frames_of_tf_are_bodies(domain: int) -> None:
+def test_frames_of_tf_are_bodies() -> None:
     frames = ["robot1/base_link", "foot=robot1/foot", "post"]
     with fed({"bodies.frames": frames, "bodies.timeout": 0.5, "frame_id": "map"}) as node:
         foot = transform_message(node, "robot1/base_link", "robot1/foot", (1.0, 0.0, 0.0))
@@ -133,10 +128,9 @@ def test_frames_of_tf_are_bodies(domain: int) -> None:
 
 @pytest.mark.parametrize("looped", [True, False])
 def test_frames_whose_stamps_start_over_or_are_missing_stay_bodies(
-    domain: int, capfd: pytest.CaptureFixture[str], looped: bool, monkeypatch: pytest.MonkeyPatch
+    logged: Logged, looped: bool, now: list[float]
 ) -> None:
     """A recording of three seconds in a loop without a clock, and transforms typed by hand."""
-    now = own_time(monkeypatch)
     frames = {"bodies.frames": ["rover=base_link"], "decks": ["{deck: raft, frame: base_link}"]}
     with fed({**frames, "frame_id": "map", "bodies.timeout": 60.0, "physics.rate": 60.0}) as node:
         for number in range(75):
@@ -147,7 +141,7 @@ def test_frames_whose_stamps_start_over_or_are_missing_stay_bodies(
             node.play(now, 0.1, math.inf, lambda: None)
             assert node.world.bodies.keys() == {"rover"}
         words = "s older, as if the clock of its source was set back" if looped else "on /tf have no stamp"
-        assert words in capfd.readouterr().err
+        assert words in logged()
         refused = node.node.refusals.counts
         assert refused.total() == refused["/tf: stamp_backwards"] == 2 * looped
         assert node.world.terrain.deck("raft").frame(node.world.time).position[0] == pytest.approx(0.7, abs=0.2)

@@ -67,7 +67,7 @@ def wire(monkeypatch: pytest.MonkeyPatch) -> Wire:
 
 
 @pytest.fixture
-def node(domain: int) -> Iterator[TerrainCollider]:
+def node() -> Iterator[TerrainCollider]:
     """A node with a map, a tracked ball and a robot."""
     with made_with(TerrainCollider, PARAMETERS) as made:
         world = made.session.world

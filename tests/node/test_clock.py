@@ -18,7 +18,7 @@ from smartmesh_ros.node.outputs import transform_outputs
 from smartmesh_ros.tools.testing import COLLIDER, Probe, Process, heightmap_message
 from smartmesh_ros.tools.testing.replaying import replayed
 from smartmesh_ros.world.joints import JointCommand
-from tests.node.shared import Fed, changed, fed, own_time, seconds, spawn, transform_message
+from tests.node.shared import Fed, Logged, changed, fed, seconds, spawn, transform_message
 from tests.urdfs import joint, link, robot
 
 HEIGHT, GRAVITY, STEP = 1000.0, 9.81, 1 / 240
@@ -45,7 +45,7 @@ def set_clock(node: Fed, time: float) -> None:
         node.node.tick(node.node.pacer.advance())
 
 
-def test_with_use_sim_time_the_physics_follows_the_clock(domain: int) -> None:
+def test_with_use_sim_time_the_physics_follows_the_clock() -> None:
     """In bursts, as its messages come. Over DDS: test_fleet.py."""
     with fed({"use_sim_time": True}) as node:
         node.node.pacer.restart()
@@ -61,9 +61,7 @@ def test_with_use_sim_time_the_physics_follows_the_clock(domain: int) -> None:
         assert node.node.pacer.misses == 0
 
 
-def test_a_map_that_comes_before_the_first_message_of_the_clock_is_of_no_other_clock(
-    domain: int, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_map_that_comes_before_the_first_message_of_the_clock_is_of_no_other_clock(logged: Logged) -> None:
     with fed({"use_sim_time": True}) as node:
         message = heightmap_message(np.zeros((10, 10)))
         for first, words in ((100.0, False), (200.0, True)):  # the second one is ahead of a clock that runs
@@ -72,7 +70,7 @@ def test_a_map_that_comes_before_the_first_message_of_the_clock_is_of_no_other_c
             set_clock(node, first)
             message.header.stamp = stamp_of(first + 0.01)
             node.give("heightmap", message, steps=0)
-            said = capfd.readouterr().err
+            said = logged()
             assert ("s ahead of this node's clock" in said) == words and "set use_sim_time" not in said
         assert not node.node.refusals.counts
 
@@ -181,7 +179,7 @@ def test_the_diagnostics_compare_the_physics_with_the_clock_that_it_follows(spee
 
 
 @pytest.mark.parametrize("straggles", [False, True])
-def test_nothing_of_before_stays_when_the_clock_goes_back(domain: int, straggles: bool) -> None:
+def test_nothing_of_before_stays_when_the_clock_goes_back(straggles: bool) -> None:
     """A recording in a loop with its clock: bodies of its end go after the time-out, and a message of its end that
     arrives after the jump shuts no later ones out, on any topic."""
     parameters = {
@@ -275,9 +273,8 @@ def test_the_node_is_silent_while_another_publishes_the_clock(
         shared.wait_for(lambda: "silent" not in shared.diagnostics("connections")["message"])
 
 
-def test_an_overloaded_node_goes_on_by_its_policy(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_overloaded_node_goes_on_by_its_policy(now: list[float]) -> None:
     """With *skip* simulated time does not fall behind although bodies do. What each policy does: test_pacing.py."""
-    now = own_time(monkeypatch)
     with fed({"physics.deadline": "skip", "physics.gravity": [0.0, 0.0, 0.0]}) as node:
         node.node.pacer.restart()
         node.world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 2.0), linear=(1.0, 0.0, 0.0)))

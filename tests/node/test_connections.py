@@ -165,9 +165,7 @@ def profiles(kind: Any, parameters: Mapping[str, Any]) -> dict[str, QoSProfile]:
 
 
 @pytest.mark.parametrize(("kind", "published", "subscribed"), TOPICS)
-def test_overrides_reach_the_topic_that_they_name_and_no_other(
-    domain: int, kind: Any, published: str, subscribed: str
-) -> None:
+def test_overrides_reach_the_topic_that_they_name_and_no_other(kind: Any, published: str, subscribed: str) -> None:
     before = profiles(kind, {})
     parameters = nested(published, "publisher", POLICIES)
     if subscribed:
@@ -201,7 +199,7 @@ def nested(topic: str, kind: str, policies: Mapping[str, Any]) -> dict[str, Any]
         ("depth", 5, "qos_overrides.<topic>"),
     ],
 )
-def test_overrides_that_are_not_possible_are_refused(domain: int, name: str, value: Any, words: str) -> None:
+def test_overrides_that_are_not_possible_are_refused(name: str, value: Any, words: str) -> None:
     said = refusal_at_start({f"qos_overrides.{name}": value})
     assert f"qos_overrides.{name}" in said
     assert words in said

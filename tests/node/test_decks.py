@@ -16,7 +16,7 @@ from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.testing import heightmap_message, mesh_message, pose_message
 from tests.core import mesh_parts
-from tests.node.shared import fed, own_time, stamped, transform_message
+from tests.node.shared import fed, stamped, transform_message
 
 FERRY = "{deck: ferry, frame: ferry/base_link, thickness: 0.5, at: [0, 0, 0.5]}"
 BARGE = "{deck: barge, odometry: /barge/odom, thickness: 0.5}"
@@ -31,9 +31,8 @@ def heave(time: float) -> float:
     return 2.0 + HEAVE * math.sin(RATE * time)
 
 
-def test_bodies_ride_on_decks_that_follow_a_frame_and_an_odometry(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bodies_ride_on_decks_that_follow_a_frame_and_an_odometry(now: list[float]) -> None:
     """Both ships heave, 10 m to either side: one on /tf, the other on its odometry."""
-    now = own_time(monkeypatch)
     with fed({"decks": [FERRY, BARGE], "frame_id": "map", "physics.sleep": True}) as node:
 
         def sail() -> None:
@@ -59,7 +58,7 @@ def test_bodies_ride_on_decks_that_follow_a_frame_and_an_odometry(domain: int, m
         assert max(node.play(now, 4.0, 0.02, sail, error)[480:]) < 0.02
 
 
-def test_a_deck_moves_on_at_the_velocity_that_its_odometry_states(domain: int) -> None:
+def test_a_deck_moves_on_at_the_velocity_that_its_odometry_states() -> None:
     with fed({"decks": [BARGE], "frame_id": "map"}) as node:
         node.give("heightmap", heightmap_message(FLAT, resolution=0.25, origin=ORIGIN, tile="barge", frame_id=""))
         message = stamped(node, Odometry(child_frame_id="barge"))
@@ -70,7 +69,7 @@ def test_a_deck_moves_on_at_the_velocity_that_its_odometry_states(domain: int) -
         assert node.heights(0.0, 0.0) - before == pytest.approx(0.06, abs=0.01)
 
 
-def test_a_body_of_the_simulation_carries_a_deck_with_maps_updates_and_meshes(domain: int) -> None:
+def test_a_body_of_the_simulation_carries_a_deck_with_maps_updates_and_meshes() -> None:
     with fed({"decks": [LIFT], "frame_id": "map"}) as node:
         node.give("heightmap", heightmap_message(np.zeros((41, 41)), resolution=1.0, origin=(-20.0, -20.0, 0.0)))
         deck = heightmap_message(FLAT, resolution=0.25, origin=ORIGIN, tile="cage", frame_id="cage")
@@ -105,7 +104,7 @@ def test_a_body_of_the_simulation_carries_a_deck_with_maps_updates_and_meshes(do
         assert set(node.world.terrain.decks["cage"].tiles) == {"roof"}
 
 
-def test_maps_in_the_frame_of_a_deck_are_its_maps_and_a_reset_keeps_them(domain: int) -> None:
+def test_maps_in_the_frame_of_a_deck_are_its_maps_and_a_reset_keeps_them() -> None:
     with fed({"decks": [FERRY], "frame_id": "map"}) as node:
         node.give("heightmap", heightmap_message(FLAT, resolution=0.25, origin=ORIGIN, frame_id="ferry/base_link"))
         assert node.world.terrain.empty

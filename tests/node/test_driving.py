@@ -84,7 +84,7 @@ def test_an_imu_of_a_link_comes_with_its_frame_and_covariances(shared: Probe) ->
     assert not np.any(last.linear_acceleration_covariance)
 
 
-def test_commands_that_cannot_be_are_refused(domain: int) -> None:
+def test_commands_that_cannot_be_are_refused() -> None:
     config = {"bases": ["{body: digger, tracks: [left_track, right_track]}"]}
     with fed({**config, "frame_id": "map"}) as node:
         twist = Twist(linear=Vector3(x=0.5))
@@ -105,7 +105,7 @@ def test_commands_that_cannot_be_are_refused(domain: int) -> None:
         assert abs(node.world.base_state("digger").linear[0]) < 0.05
 
 
-def test_imus_measure_for_subscribers_alone_and_steps_of_a_pause_have_their_own_stamps(domain: int) -> None:
+def test_imus_measure_for_subscribers_alone_and_steps_of_a_pause_have_their_own_stamps() -> None:
     with fed({"imus": ["{body: box, rate: 120}"], "frame_id": "map", "publish.clock": 60.0}) as node:
         node.world.spawn("box", Box(0.3, 0.3, 0.3), 1.0, BodyState((0.0, 0.0, 50.0)))
         [output] = node.node._outputs._of_entries["imu"]

@@ -50,9 +50,7 @@ from tests.node.shared import refusal_at_start
         ("decks", ["{deck: ferry, frame: a, rpy: [0, 0, .inf]}"], "rpy must be three finite numbers"),
     ],
 )
-def test_entries_that_cannot_be_are_refused_at_the_start(
-    domain: int, parameter: str, entries: list[str], words: str
-) -> None:
+def test_entries_that_cannot_be_are_refused_at_the_start(parameter: str, entries: list[str], words: str) -> None:
     refusal = refusal_at_start({parameter: entries})
     assert f"{parameter} has" in refusal or "/nowhere.urdf" in refusal
     assert words in refusal

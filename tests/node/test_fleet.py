@@ -17,7 +17,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.node.fleet import layout as layout
 from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
-from tests.node.shared import BALL, fed, stamped
+from tests.node.shared import BALL, Logged, fed, stamped
 
 NODES = layout.node_names(2)
 # After which silence the front takes a node for dead [s]: longer than a busy machine lets one wait.
@@ -144,7 +144,7 @@ def test_bodies_of_two_nodes_outlive_a_node(fleet: Fleet) -> None:
         probe.wait_for(lambda: fleet.bodies(1) == {"late"})
 
 
-def test_peers_that_simulate_otherwise_are_refused_by_reason(domain: int, capfd: pytest.CaptureFixture[str]) -> None:
+def test_peers_that_simulate_otherwise_are_refused_by_reason(logged: Logged) -> None:
     with fed({**PHYSICS, "bodies.peers": ["/other"], "frame_id": "map"}) as node:
         for rate, gravity, frame, bodies, words in (
             (60.0, -9.81, "map", [], "/other steps at 60 Hz, this node at 120 Hz; set one rate"),
@@ -154,5 +154,5 @@ def test_peers_that_simulate_otherwise_are_refused_by_reason(domain: int, capfd:
         ):
             said = TrackedBodyArray(rate=rate, gravity=np.array([0.0, 0.0, gravity], np.float32), bodies=bodies)
             node.give("/other/body_states", stamped(node, said, frame))
-            heard = capfd.readouterr().err
+            heard = logged()
             assert "/other/body_states refused" in heard and words in heard

@@ -24,7 +24,7 @@ from tests.node.test_ground_services import HILLS, LOW, RESOLUTION
 SIZE, SPACING = (3.0, 2.0), 0.25
 
 
-def test_a_ground_map_is_the_ground_in_the_layout_of_grid_map(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_ground_map_is_the_ground_in_the_layout_of_grid_map(monkeypatch: pytest.MonkeyPatch) -> None:
     entry = f"{{body: 1 ball, size: {[*SIZE]}, spacing: {SPACING}, rate: 10}}"
     with fed({"frame_id": "map", "ground_maps": [entry, "{body: nobody}"]}) as node:
         heights, friction = HILLS.copy(), np.random.default_rng(0).uniform(0.2, 1.0, HILLS.shape)
@@ -76,7 +76,7 @@ def test_a_ground_map_is_the_ground_in_the_layout_of_grid_map(domain: int, monke
 LEVEL = np.zeros((6, 8), np.float32)
 
 
-def test_what_keeps_a_mapper_from_a_score_is_told_and_scores_are_written(domain: int, tmp_path: Path) -> None:
+def test_what_keeps_a_mapper_from_a_score_is_told_and_scores_are_written(tmp_path: Path) -> None:
     file = tmp_path / "score.csv"
     with made_with(TerrainScore, {"csv": str(file)}) as node:
         take = {it.topic_name.rpartition("/")[2]: it.callback for it in node.subscriptions if it.raw}

@@ -20,7 +20,7 @@ from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
 from smartmesh_ros.tools.testing.replaying import replayed
-from tests.node.shared import LATCHED, body_names, box, fed, own_time, seconds, show_map, transform_message
+from tests.node.shared import LATCHED, body_names, box, fed, seconds, show_map, transform_message
 from tests.terrain.surfaces import first_hit, triangles_of
 
 SIDE, RESOLUTION, LOW = 81, 0.25, -10.0
@@ -70,11 +70,9 @@ def test_heights_are_those_of_the_map(shared: Probe) -> None:
 
 
 @pytest.mark.parametrize("stamped", [True, False])
-def test_waves_are_answered_for_the_instant_of_the_stamp(
-    domain: int, monkeypatch: pytest.MonkeyPatch, stamped: bool
-) -> None:
+def test_waves_are_answered_for_the_instant_of_the_stamp(now: list[float], stamped: bool) -> None:
     """Whole maps that rise at a constant speed, each with its stamp: heights are linear in the answer's stamp."""
-    now, speed = own_time(monkeypatch), 0.7
+    speed = 0.7
     with fed({}) as node:
 
         def rise() -> None:

@@ -66,7 +66,7 @@ def test_a_display_that_is_held_up_is_emptied_too(probe: Probe) -> None:
         probe.wait_for(lambda: not any(display.shown for display in displays))
 
 
-def test_nodes_that_share_a_topic_keep_each_others_patches(domain: int) -> None:
+def test_nodes_that_share_a_topic_keep_each_others_patches() -> None:
     """By their namespaces, also where one starts and ends beside another that publishes only changes."""
     with Probe("one") as one, Probe("two") as two:
         display = Display(one, one.topic("patches"))

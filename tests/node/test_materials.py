@@ -37,7 +37,7 @@ def coefficients(node: Fed) -> NDArray[np.float32]:
     return np.nan_to_num(np.broadcast_to(node.world.terrain.tiles[""].friction, FLAT.shape), nan=1.0)
 
 
-def test_friction_comes_with_maps_and_stays_where_later_ones_say_nothing(domain: int) -> None:
+def test_friction_comes_with_maps_and_stays_where_later_ones_say_nothing() -> None:
     """Also after regions, and with the ground of a map that scrolls on by 4 m to new ground."""
     with fed({}) as node:
 
@@ -70,7 +70,7 @@ def test_friction_comes_with_maps_and_stays_where_later_ones_say_nothing(domain:
         np.testing.assert_array_equal(given.rolling[1:3, 2:5], np.float32(np.arange(6.0).reshape(2, 3) / 60.0))
 
 
-def test_a_layer_of_a_grid_map_holds_the_friction(domain: int) -> None:
+def test_a_layer_of_a_grid_map_holds_the_friction() -> None:
     with fed({"terrain.input": "grid_map"}) as node:
 
         def grid_map(friction: NDArray[np.float32], start: tuple[int, int] = (0, 0)) -> GridMap:

@@ -17,7 +17,7 @@ from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.tools.testing import COLLIDER, executable
 from tests.launch_files import LAUNCH, Launch, Recorded, stand_ins
-from tests.node.shared import made_with, refusal_at_start
+from tests.node.shared import Logged, made_with, refusal_at_start
 
 __all__ = ["stand_ins"]
 
@@ -35,7 +35,7 @@ def warnings(output: str) -> list[str]:
 
 @pytest.mark.parametrize("preset", PRESETS, ids=lambda path: path.stem)
 def test_a_preset_is_taken_whole_and_without_a_warning_and_the_node_hears_itself_nowhere(
-    domain: int, preset: Path, capfd: pytest.CaptureFixture[str], stand_ins: dict[str, type[Recorded]]
+    preset: Path, logged: Logged, stand_ins: dict[str, type[Recorded]]
 ) -> None:
     """That of elevation mapping with the names of topics of its launch file."""
     [launched] = Launch(LAUNCH / "elevation_mapping.launch.py", stand_ins).of("Node")
@@ -46,7 +46,7 @@ def test_a_preset_is_taken_whole_and_without_a_warning_and_the_node_hears_itself
         assert values(node, wanted) == wanted
         node.tick()
         assert own_topics(node) == set()
-    assert warnings(capfd.readouterr().err) == []
+    assert warnings(logged()) == []
 
 
 def own_topics(node: TerrainCollider) -> set[str]:
@@ -76,9 +76,7 @@ def values(node: TerrainCollider, names: Iterable[str]) -> dict[str, Any]:
     return {name: [] if value is None else value for name, value in found.items()}
 
 
-def test_all_is_described_and_a_dump_of_a_node_starts_the_same_node_again(
-    domain: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_all_is_described_and_a_dump_of_a_node_starts_the_same_node_again(tmp_path: Path, logged: Logged) -> None:
     """As `ros2 param dump` writes it: every parameter that is set."""
     changed = {
         "physics.rate": 60.0,
@@ -97,12 +95,10 @@ def test_all_is_described_and_a_dump_of_a_node_starts_the_same_node_again(
     dump.write_text(yaml.safe_dump({"/terrain_collider": {"ros__parameters": before}}))
     with made_with(TerrainCollider, {}, ["--params-file", str(dump)]) as node:
         assert values(node, names) == before
-    assert warnings(capfd.readouterr().err) == []
+    assert warnings(logged()) == []
 
 
-def test_a_printed_parameter_file_says_all_the_defaults(
-    domain: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_printed_parameter_file_says_all_the_defaults(tmp_path: Path, logged: Logged) -> None:
     file = tmp_path / "all.yaml"
     file.write_text(parameter_file("terrain_collider", SPECS))
     set_there = {spec.name: spec.default for spec in SPECS if spec.default != []}
@@ -110,10 +106,10 @@ def test_a_printed_parameter_file_says_all_the_defaults(
     assert all(spec.name in file.read_text() for spec in SPECS)
     with made_with(TerrainCollider, {}, ["--params-file", str(file)]) as node:
         assert values(node, set_there) == set_there
-    assert warnings(capfd.readouterr().err) == []
+    assert warnings(logged()) == []
 
 
-def test_the_executable_explains_itself(domain: int) -> None:
+def test_the_executable_explains_itself() -> None:
     result = subprocess.run([executable("terrain_collider"), "--help"], capture_output=True, text=True, check=True)
     assert result.stdout.startswith("usage:") and result.stderr == ""
     assert all(spec.name in result.stdout for spec in SPECS)
@@ -136,13 +132,13 @@ def test_the_executable_explains_itself(domain: int) -> None:
     ],
 )
 def test_an_input_on_a_topic_that_the_node_publishes_is_refused_with_both_named(
-    domain: int, parameters: dict[str, Any], remap: list[str], words: tuple[str, ...]
+    parameters: dict[str, Any], remap: list[str], words: tuple[str, ...]
 ) -> None:
     reason = refusal_at_start(parameters, [part for rule in remap for part in ("-r", rule)])
     assert all(word in reason for word in words), reason
 
 
-def test_a_running_node_takes_its_own_dump(domain: int, tmp_path: Path) -> None:
+def test_a_running_node_takes_its_own_dump(tmp_path: Path) -> None:
     """As `ros2 param dump` writes it and `ros2 param load` reads it: numbers without a point are texts there."""
     small = {"physics.solver_residual": 1e-9, "terrain.noise": 2e-5, "physics.gravity": [0.0, 1e-7, -9.81]}
     names = [spec.name for spec in SPECS if not spec.read_only]

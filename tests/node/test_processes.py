@@ -48,7 +48,7 @@ def test_a_signal_ends_the_node_cleanly(probe: Probe) -> None:
     ],
 )
 def test_a_signal_ends_a_program_and_the_nodes_that_it_started(
-    domain: int, name: str, arguments: list[str], words: str, number: signal.Signals, code: int
+    name: str, arguments: list[str], words: str, number: signal.Signals, code: int
 ) -> None:
     """With an end that is not the one asked for, the demo says so."""
     with Process(name, arguments=arguments) as process:
@@ -66,7 +66,7 @@ def test_a_signal_ends_a_program_and_the_nodes_that_it_started(
         ("smartmesh-demo", signal.SIGTERM), ("terrain_collider", signal.SIGINT)
     ],
 )  # fmt: skip
-def test_a_signal_during_the_imports_ends_an_executable(domain: int, name: str, number: signal.Signals) -> None:
+def test_a_signal_during_the_imports_ends_an_executable(name: str, number: signal.Signals) -> None:
     """They last a second; nothing is to be cleaned up. Started as a shell starts a background job, SIGINT ignored."""
     command = ["sh", "-c", "trap '' INT; exec \"$0\"", str(executable(name))]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
@@ -113,7 +113,7 @@ def test_a_domain_that_does_not_exist_is_named(name: str, number: str) -> None:
     )
 
 
-def test_a_node_counts_no_deadlines_while_it_starts(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_node_counts_no_deadlines_while_it_starts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its clock goes on by 1000 s while it is made, as if it read a large file."""
     missed, started = list[int](), [0.0]
 
@@ -171,7 +171,7 @@ def test_a_source_may_be_killed_and_started_again(udp_only: None, probe: Probe) 
         ("terrain_score", "csv", "/nowhere/score.csv", "cannot start: csv cannot be written: [Errno 2]"),
     ],
 )
-def test_impossible_parameters_stop_the_start(domain: int, name: str, parameter: str, value: Any, words: str) -> None:
+def test_impossible_parameters_stop_the_start(name: str, parameter: str, value: Any, words: str) -> None:
     assert_cannot_start({parameter: value}, words, name=name)
 
 

@@ -23,7 +23,7 @@ from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import Changes, MotionConfig, MotionMode
 from smartmesh_ros.tools.testing import Probe, heightmap_message
-from tests.node.shared import fed, own_time
+from tests.node.shared import Logged, fed
 
 DEFAULTS = {spec.name: spec.default for spec in SPECS}
 GRID = GridGeometry(rows=21, columns=21, resolution=0.5)
@@ -73,9 +73,7 @@ def of_mapper(number: int) -> NDArray[np.float32]:
     return np.asarray(LEVEL + noise + 0.001 * number + 0.08 * (number // 20 % 2), np.float32)
 
 
-def test_maps_of_a_mapper_that_are_taken_for_motion_are_a_warning(
-    domain: int, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_maps_of_a_mapper_that_are_taken_for_motion_are_a_warning(logged: Logged) -> None:
     with fed({"terrain.changes": "motion"}) as node:
 
         def give(number: int) -> tuple[bytes, str]:
@@ -88,7 +86,7 @@ def test_maps_of_a_mapper_that_are_taken_for_motion_are_a_warning(
         assert warned[50:] == [True] * 10
         level, words = give(60)
         assert level == DiagnosticStatus.WARN and "jumps of still ground" in words and "noise of 5." in words
-        assert capfd.readouterr().err.count(ADVICE) == 1
+        assert logged().count(ADVICE) == 1
         assert not node.set("terrain.changes", "correction")
         assert give(61)[1] == "maps arrive"
 
@@ -132,7 +130,7 @@ def before(stamp: Time, seconds: int, tenths: int = 0) -> Time:
     return Time(sec=total // 10**9, nanosec=total % 10**9)
 
 
-def test_a_map_that_was_overtaken_is_neither_taken_nor_refused(domain: int) -> None:
+def test_a_map_that_was_overtaken_is_neither_taken_nor_refused() -> None:
     with fed({}) as node:
         now = node.now()
         for height, stamp in ((0.0, now), (1.0, before(now, 0, 1)), (0.0, node.now())):
@@ -142,7 +140,7 @@ def test_a_map_that_was_overtaken_is_neither_taken_nor_refused(domain: int) -> N
         assert node.node.session.overtaken.total() == 1
 
 
-def test_older_stamps_are_taken_again_and_bodies_stay_where_they_are(domain: int) -> None:
+def test_older_stamps_are_taken_again_and_bodies_stay_where_they_are() -> None:
     """The clock of the source was set back by an hour."""
     with fed({}) as node:
         node.give("heightmap", heightmap_message(LEVEL, resolution=0.5, stamp=node.now()))
@@ -175,11 +173,11 @@ LATE: list[tuple[MotionMode, float, float, float, float]] = [
 
 @pytest.mark.parametrize(("mode", "rate", "late", "jitter", "behind"), LATE)
 def test_ground_has_its_velocity_however_late_its_maps_are(
-    domain: int, monkeypatch: pytest.MonkeyPatch, mode: str, rate: float, late: float, jitter: float, behind: float
+    now: list[float], mode: str, rate: float, late: float, jitter: float, behind: float
 ) -> None:
     """Maps of ground that rises arrive in order, ``late`` [s] after their stamps, give or take some ``jitter``, which
     are of this node's clock or of one that is ``behind`` [s]."""
-    now, seconds = own_time(monkeypatch), late + 6.0 + 60.0 * jitter
+    seconds = late + 6.0 + 60.0 * jitter
     sent = 1000.0 + np.arange(0.0, seconds, 1.0 / rate)
     delays = late + jitter * np.random.default_rng(1).uniform(-1.0, 1.0, len(sent))
     coming = deque(zip(np.maximum.accumulate(sent + delays), sent, strict=True))
@@ -204,11 +202,11 @@ def test_ground_has_its_velocity_however_late_its_maps_are(
 @pytest.mark.parametrize("policy", get_args(DeadlinePolicy))
 @pytest.mark.parametrize("stalls", [(0.002, 0.5), (0.02, 0.03), (0.05, 0.01)])
 def test_stalls_of_the_loop_give_the_ground_no_velocity(
-    domain: int, monkeypatch: pytest.MonkeyPatch, policy: str, stalls: tuple[float, float]
+    now: list[float], policy: str, stalls: tuple[float, float]
 ) -> None:
     """In a loop that has time otherwise, stalls of a mean length [s] come with a probability, before a step and before
     a map. The rise of the ground meanwhile is not the motion of some steps: that would be several metres a second."""
-    now, chance, sent, queue = own_time(monkeypatch), np.random.default_rng(2), 1000.0, deque[float](maxlen=10)
+    chance, sent, queue = np.random.default_rng(2), 1000.0, deque[float](maxlen=10)
 
     def stall() -> None:
         now[0] += chance.exponential(stalls[1]) if chance.random() < stalls[0] else 0.0

@@ -22,7 +22,7 @@ from smartmesh_ros.node.inputs import cdr_reader, terrain_inputs
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.testing import assert_cannot_start, floats, heightmap_message, layer_message, pose_message
 from smartmesh_ros.tools.testing.replaying import replayed
-from tests.node.shared import BALL, Fed, fed, own_time, refusal_at_start, stamped
+from tests.node.shared import BALL, Fed, Logged, fed, refusal_at_start, stamped
 from tests.urdfs import link, robot
 
 GOOD = np.random.default_rng(1).normal(size=(40, 30)) * 0.2
@@ -111,9 +111,7 @@ CASES = [
 ]
 
 
-def test_every_bad_message_is_refused_counted_and_changes_nothing(
-    domain: int, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_every_bad_message_is_refused_counted_and_changes_nothing(logged: Logged) -> None:
     rows, columns = 0.1 * np.mgrid[:40, :30]
     with fed({"terrain.motion": "hold"}) as node:
         node.require_refused("heightmap_update", [("no_map", bad_update()(node))])
@@ -127,7 +125,7 @@ def test_every_bad_message_is_refused_counted_and_changes_nothing(
         assert node.world.bodies.keys() == {"ball"}
         np.testing.assert_allclose(node.heights(columns, rows), GOOD, atol=1e-6)
         # Each reason was logged, and said what would be right.
-        said = capfd.readouterr().err
+        said = logged()
         for words in ("there must be 1240", "at least 3 x 3", "is not the terrain's frame", "known: ''"):
             assert words in said
         # And good input is taken as before.
@@ -151,10 +149,7 @@ BAD_SPAWNS: list[tuple[str, dict[str, Any]]] = [
 
 
 @pytest.mark.parametrize("changes", ["motion", "correction"])
-def test_moving_ground_goes_on_though_a_map_of_another_clock_is_refused(
-    domain: int, monkeypatch: pytest.MonkeyPatch, changes: str
-) -> None:
-    now = own_time(monkeypatch)
+def test_moving_ground_goes_on_though_a_map_of_another_clock_is_refused(now: list[float], changes: str) -> None:
     with fed({"terrain.changes": changes, "terrain.settle": 5.0}) as node:
         for k in range(5):
             good = changed(heightmap_message(GOOD + 0.1 * k), header__frame_id="map", header__stamp=stamp_of(now[0]))
@@ -207,7 +202,7 @@ def test_bad_spawns_are_answered_with_what_is_wrong() -> None:
         ({"soil.type": ["lunar"], "terrain.changes": "correction"}, "terrain.changes"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_is_refused_at_the_start(domain: int, parameters: dict[str, Any], words: str) -> None:
+def test_what_cannot_be_is_refused_at_the_start(parameters: dict[str, Any], words: str) -> None:
     assert words in refusal_at_start(parameters)
 
 
@@ -219,9 +214,7 @@ def test_what_cannot_be_is_refused_at_the_start(domain: int, parameters: dict[st
         ({"terrain.input": "grid_map"}, "needs grid_map_msgs/GridMap"),
     ],
 )
-def test_a_missing_package_is_named(
-    domain: int, monkeypatch: pytest.MonkeyPatch, parameters: dict[str, Any], words: str
-) -> None:
+def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, parameters: dict[str, Any], words: str) -> None:
     monkeypatch.setattr("smartmesh_ros.node.inputs.optional_messages.find_interfaces", lambda *_: None)
     said, package = refusal_at_start(parameters), words.split()[-1].partition("/")[0].replace("_", "-")
     assert words in said and f"apt install ros-jazzy-{package}" in said
@@ -282,7 +275,7 @@ def test_sizes_are_capped(monkeypatch: pytest.MonkeyPatch) -> None:
         assert answer("d") == ""
 
 
-def test_security_that_is_not_to_be_had_stops_the_start(domain: int, tmp_path: Path) -> None:
+def test_security_that_is_not_to_be_had_stops_the_start(tmp_path: Path) -> None:
     """No node runs in the clear where security was asked for. The wheels' Fast DDS is built without it."""
     (tmp_path / "enclaves").mkdir()
     asked = {"ENABLE": "true", "STRATEGY": "Enforce", "KEYSTORE": str(tmp_path)}

@@ -23,7 +23,7 @@ from smartmesh_ros.node.services.files import allowed_folders
 from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
 from smartmesh_ros.tools.testing.replaying import replayed
 from smartmesh_ros.world import population
-from tests.node.shared import BALL, LATCHED, body_names, fed, refusals, show_level_ground, spawn
+from tests.node.shared import BALL, LATCHED, Logged, body_names, fed, refusals, show_level_ground, spawn
 from tests.urdfs import ROVER, joint, link, robot
 
 SHARED = {"bodies.urdf_folders": [tempfile.gettempdir()]}
@@ -202,13 +202,13 @@ def test_texts_may_begin_with_a_byte_order_mark() -> None:
         assert [*run.world.bodies] == ["described", "spawned", "entity"]
 
 
-def test_folders_that_do_not_exist_are_named(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_folders_that_do_not_exist_are_named(tmp_path: Path, logged: Logged) -> None:
     """At the start, and when they are set; one that is made later counts from then on, and ``~`` is one's home."""
     gone = str(tmp_path / "gone")
     with fed({"bodies.urdf_folders": [gone, "~"]}) as node:
-        said = capfd.readouterr().err
+        said = logged()
         assert f"no folder {gone};" in said and said.count("there is no folder") == 1
         assert not node.set("bodies.urdf_folders", [str(tmp_path), f"{gone}er"])
-        said = capfd.readouterr().err
+        said = logged()
         assert f"no folder {gone}er;" in said and said.count("there is no folder") == 1
         assert allowed_folders(replace(node.node.settings, urdf_folders=("~/robots",))) == (Path.home() / "robots",)

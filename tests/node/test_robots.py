@@ -17,7 +17,7 @@ from smartmesh_ros import BodyState
 from smartmesh_ros.scenes.tracks import robot_file
 from smartmesh_ros.tools.testing import heightmap_message, pose_message
 from smartmesh_ros.tools.testing.replaying import replayed
-from tests.node.shared import Fed, fed
+from tests.node.shared import Fed, Logged, fed
 
 ROVER = Path(__file__).parent.parent / "data" / "rover.urdf"
 RADIUS = 0.15  # of the wheels [m]
@@ -88,9 +88,7 @@ def driven(urdf: str, names: list[str], **parameters: float) -> Iterator[tuple[F
         yield node, refuse
 
 
-def test_bad_commands_are_refused_whole_and_the_last_good_one_goes_on(
-    domain: int, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_commands_are_refused_whole_and_the_last_good_one_goes_on(logged: Logged) -> None:
     with driven(ROVER.read_text(), WHEELS, **LASTING) as (node, refuse):
         node.give("joint_commands", JointState(name=WHEELS, velocity=[4.0] * 4))
         refuse(
@@ -103,7 +101,7 @@ def test_bad_commands_are_refused_whole_and_the_last_good_one_goes_on(
             ("non_finite", {"velocity": [0.0, 0.0, 0.0, -math.inf]}),
             ("joint_command", {"velocity": [0.0] * 4, "effort": [1.0, 1.0, 1.0, -1.0]}),
         )
-        said = capfd.readouterr().err
+        said = logged()
         assert "1 of 4 joints are unknown: 'flux'" in said and "robot/front_left, robot/front_right" in said
         node.run(240)
         assert [found.velocity for found in node.world.joints("robot")] == pytest.approx([4.0] * 4, rel=0.01)
@@ -112,7 +110,7 @@ def test_bad_commands_are_refused_whole_and_the_last_good_one_goes_on(
         assert [found.effort for found in node.world.joints("robot")] == [0.0] * 4
 
 
-def test_tracks_are_driven_by_joint_commands_under_their_names(domain: int) -> None:
+def test_tracks_are_driven_by_joint_commands_under_their_names() -> None:
     """Before and after a reset; joint states, which tell only of joints, do not tell of them."""
     tracks = ["left_track", "right_track"]
     with driven(robot_file().read_text(), tracks, **LASTING) as (node, refuse):
@@ -133,7 +131,7 @@ def test_tracks_are_driven_by_joint_commands_under_their_names(domain: int) -> N
         assert not node.world.joints("robot")
 
 
-def test_wheels_stop_when_their_publisher_dies(domain: int, capfd: pytest.CaptureFixture[str]) -> None:
+def test_wheels_stop_when_their_publisher_dies(logged: Logged) -> None:
     """By default half a second of simulated time after the last velocity; a position stays.
 
     Tracks: test_joint_dynamics.py.
@@ -150,4 +148,4 @@ def test_wheels_stop_when_their_publisher_dies(domain: int, capfd: pytest.Captur
         node.run(120)
         assert speeds() == pytest.approx([0.0] * 4, abs=0.02)
         assert node.world.joints("robot")[3].position == pytest.approx(0.3, abs=0.01)
-        assert capfd.readouterr().err.count("no command came for front_left, front_right, rear_left of 'robot'") == 1
+        assert logged().count("no command came for front_left, front_right, rear_left of 'robot'") == 1

@@ -223,7 +223,7 @@ def test_one_world_is_loaded_at_a_time(worlds: Path) -> None:
 
 
 @pytest.mark.parametrize("turns", [0, 2])
-def test_a_robot_on_its_way_onto_the_ground_is_no_part_of_another_scene(domain: int, turns: int) -> None:
+def test_a_robot_on_its_way_onto_the_ground_is_no_part_of_another_scene(turns: int) -> None:
     ground = heightmap_message(np.zeros((30, 30)), resolution=0.1)
     with fed({"bodies.spawn": [f"{{id: rover, urdf: {ROVER}, xy: [1, 1]}}"]}) as run:
         run.give("heightmap", ground, steps=0)

@@ -49,7 +49,7 @@ def test_bodies_of_a_collider_stand_on_soil(probe: Probe) -> None:
         assert 0.05 - sunk < position_of(probe, "plate")[2] < 0.05
 
 
-def test_soils_come_with_maps_and_layers_and_stay_where_later_ones_say_nothing(domain: int) -> None:
+def test_soils_come_with_maps_and_layers_and_stay_where_later_ones_say_nothing() -> None:
     with fed({"soil.type": ["lunar", "clay"], "terrain.input": "grid_map", "terrain.changes": "motion"}) as node:
 
         def give(soil: Any = None, x: float = 0.0) -> Any:
@@ -76,7 +76,7 @@ def test_soils_come_with_maps_and_layers_and_stay_where_later_ones_say_nothing(d
         node.require_refused("grid_map", [("soil", grid_map(0.5 * soils)), ("soil", grid_map(-1.0 * soils))])
 
 
-def test_a_map_that_cannot_be_soil_is_taken_without(domain: int) -> None:
+def test_a_map_that_cannot_be_soil_is_taken_without() -> None:
     """Its cells are too wide. That is counted with each map, and a finer map is soil again."""
     with made_with(TerrainCollider, {"soil.type": ["lunar"]}) as node:
         [take] = [found.callback for found in node.session.subscriptions if found.topic_name.endswith("/heightmap")]

@@ -26,7 +26,7 @@ from smartmesh_ros.node.timing.pacing import Pacer
 from smartmesh_ros.tools.demo import rover, terrain_source
 from smartmesh_ros.tools.score import terrain_score
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, executable
-from tests.node.shared import made_with, refusal_at_start, set_parameters
+from tests.node.shared import Logged, made_with, refusal_at_start, set_parameters
 
 pytestmark = pytest.mark.usefixtures("executables")
 
@@ -51,7 +51,7 @@ def lines(process: Process, level: str) -> list[str]:
 
 
 @pytest.fixture
-def probe(domain: int) -> Iterator[Probe]:
+def probe() -> Iterator[Probe]:
     """A probe in a namespace of its own: a node of the same name that another test left behind would be warned of."""
     with Probe(namespace="start") as made:
         yield made
@@ -75,7 +75,7 @@ def test_one_line_tells_the_start_and_pybullet_says_nothing(probe: Probe) -> Non
         assert words in line
 
 
-def test_executables_end_quietly_if_nobody_reads_their_output(domain: int) -> None:
+def test_executables_end_quietly_if_nobody_reads_their_output() -> None:
     """As `--help | head` does."""
     commands = (
         ("terrain_collider", "--help"), ("terrain_source", "--print-parameters"),
@@ -115,14 +115,14 @@ def test_a_parameter_file_is_for_the_nodes_it_names(tmp_path: Path, names: list[
 
 
 def test_parameters_that_have_no_effect_are_warned_about(
-    domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, logged: Logged
 ) -> None:
     """Those of a file for another node, and unknown ones."""
     file = tmp_path / "other.yaml"
     file.write_text("/other_node:\n  ros__parameters:\n    physics.rate: 100.0\n")
     monkeypatch.setattr(sys, "argv", ["terrain_collider", "--ros-args", "--params-file", str(file)])
     with made_with(TerrainCollider, {"terrain.motoin": "hold"}, ["--params-file", str(file)]):
-        said = capfd.readouterr().err
+        said = logged()
     unknown, stray = (line for line in said.splitlines() if "[WARN]" in line)
     assert "parameter 'terrain.motoin' is unknown and has no effect; did you mean 'terrain.motion'?" in unknown
     assert f"{file} has no effect: it is for /other_node" in stray
@@ -186,7 +186,7 @@ def is_numeric(spec: Any) -> bool:
 
 @pytest.mark.parametrize("name", OTHER_NODES)
 def test_a_node_takes_or_refuses_any_value_of_any_parameter(
-    domain: int, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Some values are valid for some parameters; any other error than `InputError` would be a traceback."""
     monkeypatch.chdir(tmp_path)  # some are names of files

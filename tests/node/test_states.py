@@ -21,7 +21,7 @@ from smartmesh_ros import BodyState
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
 from smartmesh_ros.tools.testing.replaying import replayed
-from tests.node.shared import BALL, body_names, changed, fed, seconds, show_level_ground, spawn
+from tests.node.shared import BALL, Logged, body_names, changed, fed, seconds, show_level_ground, spawn
 from tests.urdfs import HUSKY, ROVER, link, robot
 
 RATE = 240.0
@@ -176,7 +176,7 @@ def test_the_action_steps_with_feedback_and_can_be_cancelled(paused: Probe, step
         assert not told
 
 
-def test_tracked_bodies_of_a_state_leave_when_nobody_tracks_them(capfd: pytest.CaptureFixture[str]) -> None:
+def test_tracked_bodies_of_a_state_leave_when_nobody_tracks_them(logged: Logged) -> None:
     with fed({"bodies.timeout": 0.2}) as node:
         node.world.track("hand", 0.3, BodyState((0.0, 0.0, 1.0)))
         state = node.world.state_bytes()
@@ -186,7 +186,7 @@ def test_tracked_bodies_of_a_state_leave_when_nobody_tracks_them(capfd: pytest.C
         assert "hand" in node.node.session.tracking.names
         while "hand" in node.world.bodies:
             node.run(1)
-        assert "bodies.timeout = 0.2 s: removed 'hand'" in capfd.readouterr().err
+        assert "bodies.timeout = 0.2 s: removed 'hand'" in logged()
         assert np.isfinite(node.world.time)
 
 

@@ -110,7 +110,7 @@ def require_refused(
     node.require_refused(topic, ((reason, changed(change)) for reason, change in cases))
 
 
-def test_grid_maps_of_both_orders_scroll_with_their_robot(domain: int) -> None:
+def test_grid_maps_of_both_orders_scroll_with_their_robot() -> None:
     with fed({**HOLD, "terrain.input": "grid_map"}) as node:
         x, y = places()
         for start, row_major in (((0, 0), False), ((5, 3), False), ((31, 23), True)):
@@ -150,7 +150,7 @@ def test_grid_maps_of_both_orders_scroll_with_their_robot(domain: int) -> None:
         assert shows(node, there)
 
 
-def test_images_are_placed_by_parameters(domain: int) -> None:
+def test_images_are_placed_by_parameters() -> None:
     parameters = {**HOLD, **RAISED, "terrain.input": "image", "frame_id": "map"}
     with fed(parameters) as node:
         heights = surface(*places())
@@ -170,7 +170,7 @@ def test_images_are_placed_by_parameters(domain: int) -> None:
         assert shows(node, tolerance=0.001)
 
 
-def test_occupancy_grids_and_their_updates_become_walls(domain: int) -> None:
+def test_occupancy_grids_and_their_updates_become_walls() -> None:
     with fed({**HOLD, "terrain.input": "occupancy_grid", "raster.scale": 2.0}) as node:
         node.give("occupancy_grid", stamped(node, occupancy_grid(np.zeros((ROWS, COLUMNS), np.int8), CORNER)))
         expected = np.zeros((ROWS, COLUMNS))
@@ -196,7 +196,7 @@ def test_occupancy_grids_and_their_updates_become_walls(domain: int) -> None:
         )
 
 
-def test_organised_clouds_may_run_either_way(domain: int) -> None:
+def test_organised_clouds_may_run_either_way() -> None:
     reliability = "qos_overrides./terrain_collider/point_cloud.subscription.reliability"
     with fed({**HOLD, "terrain.input": "point_cloud", reliability: "best_effort"}) as node:
         [clouds] = [found for found in node.node.session.subscriptions if found.topic_name.endswith("point_cloud")]
@@ -225,7 +225,7 @@ def test_organised_clouds_may_run_either_way(domain: int) -> None:
         assert shows(node, tolerance=1e-4)
 
 
-def test_a_file_is_there_from_the_start_and_can_be_updated(domain: int, tmp_path: Path) -> None:
+def test_a_file_is_there_from_the_start_and_can_be_updated(tmp_path: Path) -> None:
     file, heights = tmp_path / "terrain.npy", surface(*places())
     np.save(file, heights)
     with fed({**HOLD, **PLACED, "terrain.file": str(file), "raster.first_row": "bottom", "frame_id": "map"}) as node:

@@ -161,7 +161,7 @@ def test_a_rate_that_is_raised_holds_at_once_and_calls_for_single_steps_put_off_
             assert len(run.received(topic)) - before == pytest.approx(20, abs=2)
 
 
-def test_parameters_change_at_run_time_as_a_whole_or_not_at_all(domain: int) -> None:
+def test_parameters_change_at_run_time_as_a_whole_or_not_at_all() -> None:
     with fed({"physics.rate": 120.0}) as node:
 
         def change(**values: Any) -> Any:
@@ -189,7 +189,7 @@ def update_message(node: Fed, vertices: np.ndarray, indices: list[int] | None = 
     return stamped(node, message)
 
 
-def test_meshes_move_by_updates_and_bad_ones_are_refused(domain: int) -> None:
+def test_meshes_move_by_updates_and_bad_ones_are_refused() -> None:
     with fed({"terrain.motion": "hold"}) as node:
 
         def mesh(vertices: Any = None, triangles: Any = TRIANGLES, velocities: int = 0, **more: Any) -> Any:

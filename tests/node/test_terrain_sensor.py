@@ -76,7 +76,7 @@ def test_a_lidar_on_a_body_sees_the_ground_and_not_its_body(shared: Probe) -> No
         shared.wait_for(on_the_hills)
 
 
-def test_noise_has_the_deviation_that_was_asked_for(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_noise_has_the_deviation_that_was_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     noise = {"noise.constant": 0.03, "noise.quadratic": 0.002, "position": [0.0, 0.0, 0.0]}
     with made_with(TerrainSensor, noise) as node:
         found: list[PointCloud2] = []
@@ -125,7 +125,7 @@ def test_a_depth_camera_agrees_with_its_cloud(shared: Probe) -> None:
         ({"position": [1.0]}, "position has 1 numbers"),
     ],
 )
-def test_impossible_sensors_do_not_start(domain: int, parameters: dict[str, Any], words: str) -> None:
+def test_impossible_sensors_do_not_start(parameters: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words), made_with(TerrainSensor, parameters):
         pass
 

@@ -36,7 +36,7 @@ def test_the_environment_names_it(domain):
 """
 
 
-def test_a_process_ends_with_its_block_and_with_an_exception(domain: int, executables: None) -> None:
+def test_a_process_ends_with_its_block_and_with_an_exception(executables: None) -> None:
     with Process("terrain_source") as first:
         assert first.process.poll() is None
     assert first.process.poll() is not None
@@ -46,7 +46,7 @@ def test_a_process_ends_with_its_block_and_with_an_exception(domain: int, execut
 
 
 @pytest.mark.parametrize("how", ["executable", "fork"])
-def test_a_process_ends_with_a_test_that_was_killed(domain: int, how: str) -> None:
+def test_a_process_ends_with_a_test_that_was_killed(how: str) -> None:
     command = [sys.executable, "-c", STARTS_A_NODE, how]
     test = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     assert test.stdin is not None
@@ -75,7 +75,7 @@ def test_a_node_gives_its_shared_memory_back_when_it_ends(probe: Probe) -> None:
     assert not [file for file in own if Path(file).exists()]
 
 
-def test_a_fork_is_what_the_executable_is(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fork_is_what_the_executable_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """It says the same but for times, takes the same parameters and arguments, and ends alike."""
     said, codes = [], []
     for starter in (start_command, preloaded.start):
@@ -122,7 +122,7 @@ def test_a_probe_listens_in_a_namespace_to_its_own_node(shared: Probe) -> None:
         assert other.diagnostics("terrain")["message"] == "no map yet"
 
 
-def test_a_domain_that_somebody_is_in_is_left_alone(domain: int) -> None:
+def test_a_domain_that_somebody_is_in_is_left_alone() -> None:
     with isolated() as number:
         assert not in_use(number)
         source = Process("terrain_source")

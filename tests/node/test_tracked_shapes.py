@@ -17,7 +17,7 @@ from tests.node.shared import fed, stamped
 from tests.world.test_tracked_shapes import ARM
 
 
-def test_shapes_come_from_the_message_or_else_from_the_parameter(domain: int) -> None:
+def test_shapes_come_from_the_message_or_else_from_the_parameter() -> None:
     entries = ["{body: crate, shape: box, size: [1, 0.5, 0.5]}", "{body: drum, shape: cylinder, size: [0.4, 0.2]}"]
     with fed({"bodies.shapes": entries, "bodies.poses": ["drum=/drum"], "frame_id": "map"}) as node:
         bodies = [TrackedBody(id="crate"), TrackedBody(id="ball", radius=0.2)]
@@ -38,7 +38,7 @@ def test_shapes_come_from_the_message_or_else_from_the_parameter(domain: int) ->
             node.require_refused("tracked_bodies", [(reason, stamped(node, TrackedBodyArray(bodies=[body])))])
 
 
-def test_a_tracked_robot_follows_its_root_and_its_joints(domain: int, tmp_path: Path) -> None:
+def test_a_tracked_robot_follows_its_root_and_its_joints(tmp_path: Path) -> None:
     file = tmp_path / "arm.urdf"
     file.write_text(ARM)
     parameters = {"bodies.shapes": [f"{{body: rig, urdf: {file}}}"], "bodies.odometry": ["rig=/rig"], "frame_id": "map"}

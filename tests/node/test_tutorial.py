@@ -203,7 +203,7 @@ def cupy_map(x: float, y: float, *, seen: bool = True) -> GridMap:
     return made
 
 
-def test_an_elevation_map_becomes_patches_under_the_robot(domain: int, tmp_path: Path) -> None:
+def test_an_elevation_map_becomes_patches_under_the_robot(tmp_path: Path) -> None:
     """The map is in ``map``, the odometry in ``odom``, which lies 10 m further along y."""
     file, _ = blocks("docs/elevation_mapping.md", "yaml")
     command, *_ = blocks("docs/elevation_mapping.md", "console")
@@ -250,7 +250,7 @@ def command_of(block: str, **values: float) -> tuple[str, JointState]:
     return topic, message
 
 
-def test_two_blocks_drive_a_robot_on_the_topics_of_the_page(domain: int) -> None:
+def test_two_blocks_drive_a_robot_on_the_topics_of_the_page() -> None:
     [arm] = [block for block in blocks("docs/robots.md", "xml") if "TopicBasedSystem" in block]
     [command] = [block for block in blocks("docs/robots.md", "console") if "topic_based" in block]
     wheels = arm.replace("shoulder", "wheel").replace(
