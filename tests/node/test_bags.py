@@ -1,4 +1,4 @@
-"""A recorded bag played into the node."""
+"""The shipped bag of an elevation mapper. Bags played over DDS: the page on testing, by test_tutorial.py."""
 
 from pathlib import Path
 
@@ -10,47 +10,39 @@ from std_srvs.srv import Trigger
 
 from smartmesh_ros import HeightMap
 from smartmesh_ros.io.rasters import RasterConfig
-from smartmesh_ros.node.inputs.adapters import grid_map_raster as raster_from
-from smartmesh_ros.tools.testing import Probe, bags
+from smartmesh_ros.node.inputs.adapters import grid_map_raster
+from smartmesh_ros.tools.testing import bags
+from smartmesh_ros.tools.testing.replaying import replayed
 
 MAPPER = Path(__file__).parents[1] / "data" / "mapper"
-PARAMETERS = {
-    "terrain.input": "grid_map",
-    "terrain.motion": "hold",
-    "bodies.odometry": ["rover=/odom"],
-    "bodies.timeout": 60.0,
-}
+PARAMETERS = {"terrain.input": "grid_map", "terrain.motion": "hold", "bodies.odometry": ["rover=/odom"]}
 
 
-def test_the_shipped_bag_of_an_elevation_mapper_is_taken_and_after_a_reset_again(probe: Probe) -> None:
+def test_it_is_taken_and_after_a_reset_again() -> None:
+    """Played again without a reset, its stamps run backwards."""
     records = list(bags.read(MAPPER))
-    maps = [record for record in records if record.topic == "/elevation_map"]
-    last = raster_from(deserialize_message(maps[-1].data, GridMap), RasterConfig())
-    truth = HeightMap(last.heights, geometry=last.geometry)
-    *_, rover = (record for record in records if record.topic == "/odom")
-    place = deserialize_message(rover.data, Odometry).pose.pose.position
-    refused = "refused, grid_map: stamp_backwards"
+    newest = {record.topic: record.data for record in records}
+    last = grid_map_raster(deserialize_message(newest["/elevation_map"], GridMap), RasterConfig())
+    place = deserialize_message(newest["/odom"], Odometry).pose.pose.position
+    with replayed(MAPPER, PARAMETERS, remap={"~/grid_map": "/elevation_map"}) as run:
 
-    def play(rate: float) -> None:
-        remap = {"/elevation_map": "/terrain_collider/grid_map"}
-        assert bags.play(MAPPER, probe.node, probe.spin, rate=rate, remap=remap) == len(records) == 50
+        def require_last() -> None:
+            points = run.world.patches().table().points_of(0)
+            heights = HeightMap(last.heights, geometry=last.geometry).at(points[:, :2], 0.0).heights
+            np.testing.assert_allclose(points[:, 2], heights, atol=1e-5)
+            np.testing.assert_allclose(points[:, :2].mean(axis=0), (place.x, place.y), atol=0.5)
 
-    def on_last_map() -> bool:
-        points = np.concatenate([np.empty((0, 3)), *probe.patches().values()])
-        below = truth.at(points[:, :2], 0.0).heights
-        on_map = len(points) and np.allclose(points[:, 2], below, atol=1e-5)
-        # A body is carried on by its twist for a little while after the last odometry.
-        return bool(on_map and np.allclose(points[:, :2].mean(axis=0), (place.x, place.y), atol=0.5))
+        def play(pause: float) -> dict[str, int]:
+            for record in records:
+                run.run(run.time + pause)
+                run.give(record.topic, record.data)
+            return run.refused
 
-    with probe.running(parameters=PARAMETERS):
-        play(2.0)
-        probe.wait_for(on_last_map)
-        assert not [name for name in probe.diagnostics("inputs") if name.startswith("refused")]
-        # Played again, its stamps run backwards: refused, until the node is told to start anew.
-        play(10.0)
-        probe.wait_for(lambda: refused in probe.diagnostics("inputs"))
-        assert probe.call("reset", Trigger).success
-        before = probe.diagnostics("inputs")[refused]
-        play(2.0)
-        probe.wait_for(on_last_map)
-        assert probe.diagnostics("inputs")[refused] == before
+        run.run()
+        require_last()
+        assert len(records) == 50 and not run.refused
+        before = play(0.0)
+        assert before.keys() == {"grid_map: stamp_backwards", "/odom: stamp_backwards"}
+        assert run.call("reset", Trigger.Request()).success
+        assert play(0.1) == before
+        require_last()

@@ -22,7 +22,7 @@ from smartmesh_ros.startup.dds import POLICY_VARIABLE, VARIABLE, use_large_messa
 from smartmesh_ros.tools.demo.rover import Rover
 from smartmesh_ros.tools.demo.terrain_source import TerrainSource
 from smartmesh_ros.tools.testing import COLLIDER, Probe, Process, heightmap_message
-from tests.node.shared import LATCHED, made_with, refusal_at_start, stamped
+from tests.node.shared import LATCHED, made_with, stamped
 
 # Size of the shared memory that the profile asks for [bytes].
 SEGMENT = 128 * 1024**2
@@ -182,24 +182,3 @@ def test_overrides_reach_the_topic_that_they_name_and_no_other(kind: Any, publis
 
 def nested(topic: str, kind: str, policies: Mapping[str, Any]) -> dict[str, Any]:
     return {f"qos_overrides.{topic}.{kind}.{policy}": value for policy, value in policies.items()}
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "words"),
-    [
-        ("/terrain_collider/heightmap.subscription.reliability", "often", "reliable, best_effort"),
-        ("/terrain_collider/heightmap.subscription.durability", "", "transient_local"),
-        ("/terrain_collider/heightmap.subscription.history", True, "keep_last, keep_all"),
-        ("/terrain_collider/heightmap.subscription.depth", 0, "1 to"),
-        ("/terrain_collider/heightmap.subscription.depth", 2**40, "1 to"),
-        ("/terrain_collider/heightmap.subscription.depth", "ten", "1 to"),
-        ("/terrain_collider/heightmap.subscription.speed", 5, "history, depth, reliability, durability"),
-        ("/terrain_collider/heightmap.subscriber.depth", 5, "publisher or subscription"),
-        ("terrain_collider/heightmap.subscription.depth", 5, "full name"),
-        ("depth", 5, "qos_overrides.<topic>"),
-    ],
-)
-def test_overrides_that_are_not_possible_are_refused(name: str, value: Any, words: str) -> None:
-    said = refusal_at_start({f"qos_overrides.{name}": value})
-    assert f"qos_overrides.{name}" in said
-    assert words in said

@@ -17,7 +17,7 @@ from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.tools.testing import COLLIDER, executable
 from tests.launch_files import LAUNCH, Launch, Recorded, stand_ins
-from tests.node.shared import Logged, made_with, refusal_at_start
+from tests.node.shared import Logged, made_with
 
 __all__ = ["stand_ins"]
 
@@ -116,26 +116,6 @@ def test_the_executable_explains_itself() -> None:
     result = subprocess.run([executable("terrain_source"), "--hepl"], capture_output=True, text=True, check=False)
     assert result.returncode == 2
     assert "--hepl" in result.stderr
-
-
-@pytest.mark.parametrize(
-    ("parameters", "remap", "words"),
-    [
-        ({"bodies.odometry": ["husky=~/odometry"]}, [], ("body 'husky'", "'~/odometry'", f"{COLLIDER}/odometry")),
-        (
-            {"bodies.odometry": ["husky=~/tracked_odometry"]},
-            ["~/tracked_odometry:=/odom", "~/odometry:=/odom"],
-            ("body 'husky'", "'~/tracked_odometry'", "/odom", "publishes as ~/odometry"),
-        ),
-        ({}, ["~/tracked_bodies:=/bodies", "~/body_states:=/bodies"], ("~/tracked_bodies", "/bodies", "~/body_states")),
-        ({}, ["~/joint_commands:=~/joint_states"], ("~/joint_commands", "publishes as ~/joint_states")),
-    ],
-)
-def test_an_input_on_a_topic_that_the_node_publishes_is_refused_with_both_named(
-    parameters: dict[str, Any], remap: list[str], words: tuple[str, ...]
-) -> None:
-    reason = refusal_at_start(parameters, [part for rule in remap for part in ("-r", rule)])
-    assert all(word in reason for word in words), reason
 
 
 def test_a_running_node_takes_its_own_dump(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from smartmesh_ros.node.inputs import cdr_reader, terrain_inputs
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.testing import assert_cannot_start, floats, heightmap_message, layer_message, pose_message
 from smartmesh_ros.tools.testing.replaying import replayed
-from tests.node.shared import BALL, Fed, Logged, fed, refusal_at_start, stamped
+from tests.node.shared import BALL, Fed, Logged, fed, stamped
 from tests.urdfs import link, robot
 
 GOOD = np.random.default_rng(1).normal(size=(40, 30)) * 0.2
@@ -178,46 +178,6 @@ def test_bad_spawns_are_answered_with_what_is_wrong() -> None:
             assert words in answer.message
         assert not run.call("remove_body", RemoveBody.Request(id="nobody")).success
         assert run.world.bodies.keys() == {"ball"}
-
-
-@pytest.mark.parametrize(
-    ("parameters", "words"),
-    [
-        ({"physics.rate": "fast"}, "physics.rate"),
-        ({"terrain.motion": "jelly"}, "terrain.motion"),
-        ({"physics.gravity": [0.0, 1.0]}, "gravity"),
-        ({"physics.gravity": [0, 0, -9.81]}, "[0.0, 0.0, -9.81]"),
-        ({"bodies.spawn": ["{id: a}", 3]}, "of the same type"),
-        ({"use_sim_time": 3}, "use_sim_time"),
-        ({"use_sim_time": True, "publish.clock": 10.0}, "use_sim_time"),
-        ({"bodies.poses": ["rover=/a b"]}, "rover=/a b"),
-        ({"bodies.poses": ["/a"], "bodies.odometry": ["a=/b"]}, "names body 'a' again"),
-        ({"bodies.odometry": ["x/y=/b"]}, "no '/' in the name"),
-        ({"bodies.peers": ["auto", "/a"]}, "alone"),
-        ({"bodies.peers": ["a"]}, "starts with '/'"),
-        ({"terrain.input": "lidar"}, "choose one of heightmap, grid_map"),
-        ({"terrain.file": "/nowhere/map.npy"}, "there is no file /nowhere/map.npy"),
-        ({"raster.origin": [0.0, 0.0]}, "three finite numbers"),
-        ({"soil.type": ["lunar", "porridge"]}, "there is no soil 'porridge'"),
-        ({"soil.type": ["lunar"], "terrain.changes": "correction"}, "terrain.changes"),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_is_refused_at_the_start(parameters: dict[str, Any], words: str) -> None:
-    assert words in refusal_at_start(parameters)
-
-
-@pytest.mark.parametrize(
-    ("parameters", "words"),
-    [
-        ({"publish.tf": 10.0}, "publish.tf needs tf2_msgs/TFMessage"),
-        ({"bodies.frames": ["base_link"]}, "needs tf2_msgs/TFMessage"),
-        ({"terrain.input": "grid_map"}, "needs grid_map_msgs/GridMap"),
-    ],
-)
-def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, parameters: dict[str, Any], words: str) -> None:
-    monkeypatch.setattr("smartmesh_ros.node.inputs.optional_messages.find_interfaces", lambda *_: None)
-    said, package = refusal_at_start(parameters), words.split()[-1].partition("/")[0].replace("_", "-")
-    assert words in said and f"apt install ros-jazzy-{package}" in said
 
 
 ROBOT = robot(link("a", '<box size="0.3 0.3 0.2"/>'))
