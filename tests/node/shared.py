@@ -234,7 +234,7 @@ class Fed:
 
     def set(self, name: str, value: Any) -> str:
         """Sets a parameter; why it was refused, empty if it was not."""
-        return str(self.node.set_parameters([Parameter(name, value=value)])[0].reason)
+        return str(self.node.set_parameters_atomically([Parameter(name, value=value)]).reason)
 
     def heights(self, x: Any, y: Any) -> NDArray[np.float64]:
         """Heights of the ground now at places [m], in the shape of these."""

@@ -4,7 +4,7 @@ import math
 
 import pytest
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseArray, PoseStamped
+from geometry_msgs.msg import PoseArray, PoseStamped, Twist, Vector3
 from hypothesis import given
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
@@ -36,12 +36,15 @@ def transform(node: Fed, parent: str, child: str, x: float, y: float, yaw: float
 def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(logged: Logged) -> None:
     with fed({**INPUTS, "bodies.timeout": 0.5}) as node:
         odometry = Odometry(child_frame_id="base_link")
-        odometry.pose.pose = pose_message((-3.0, 4.0, 0.2))
-        node.give("~/tracked_odometry", stamped(node, odometry))
+        odometry.pose.pose = pose_message((-3.0, 4.0, 0.2), YAW)
+        odometry.twist.twist = Twist(linear=Vector3(x=2.0), angular=Vector3(y=0.5))
+        node.give("~/tracked_odometry", stamped(node, odometry), steps=0)
+        state = node.world.state("rover")
+        assert (state.linear, state.angular) == (pytest.approx((0.0, 2.0, 0.0)), pytest.approx((-0.5, 0.0, 0.0)))
         for topic, x, y in (("/arm/tip_pose", 1.0, 2.0), ("/second/pose", 4.0, 5.0)):
             node.give(topic, stamped(node, PoseStamped(pose=pose_message((x, y, 0.2)))))
         found = {name: place(node, name) for name in node.world.bodies}
-        assert found == {"rover": (-3.0, 4.0), "arm": (1.0, 2.0), "second.pose": (4.0, 5.0)}
+        assert found == {"rover": pytest.approx((-3.0, 4.0), abs=0.3), "arm": (1.0, 2.0), "second.pose": (4.0, 5.0)}
         ages = node.node._outputs._diagnostics._ends()[2]
         for topic in ("~/tracked_odometry", "/arm/tip_pose"):
             assert 0.0 <= float(ages[f"age of stamps on arrival, {topic} [s]"]) < 2.0

@@ -9,7 +9,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification
-from smartmesh_msgs.srv import CastRays, QueryGround, SpawnBodies, SpawnBody
+from smartmesh_msgs.srv import CastRays, QueryGround, SpawnBodies
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
@@ -20,7 +20,7 @@ from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
 from smartmesh_ros.tools.testing.replaying import replayed
-from tests.node.shared import LATCHED, body_names, box, fed, seconds, show_map, transform_message
+from tests.node.shared import LATCHED, box, fed, seconds, show_map, transform_message
 from tests.terrain.surfaces import first_hit, triangles_of
 
 SIDE, RESOLUTION, LOW = 81, 0.25, -10.0
@@ -169,24 +169,6 @@ def test_what_cannot_be_answered_is_refused_by_reason(shared: Probe) -> None:
     assert query(shared, one).success and query(shared, np.zeros((0, 2))).success
     counts = shared.diagnostics("inputs")
     assert counts["refused, query_ground: stamp"] == "1" and counts["refused, cast_rays: length"] == "1"
-
-
-def test_bodies_are_spawned_on_the_ground_or_refused(shared: Probe) -> None:
-    """With the clearance that was asked for: tests/world/test_standing.py."""
-    holes = HILLS.copy()
-    holes[:10, :10] = np.nan
-    show_map(shared, holes, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
-
-    def spawn(name: str, x: float, y: float, **fields: Any) -> Any:
-        pose = pose_message((x, y, -77.0))
-        return shared.call("spawn_body", SpawnBody, id=name, shape=BALL, mass=1.0, pose=pose, on_ground=True, **fields)
-
-    assert spawn("ball", 1.1, 0.7, clearance=0.25).success
-    for x, y in ((-9.5, -9.5), (9.9, 0.0), (500.0, 0.0)):
-        answer = spawn("other", x, y)
-        assert not answer.success and "no ground at" in answer.message
-    assert "clearance" in spawn("other", 0.0, 0.0, clearance=-0.1).message
-    assert body_names(shared) == ["ball"]
 
 
 def test_the_parameter_spawns_bodies_once_there_is_ground_for_them() -> None:

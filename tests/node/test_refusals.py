@@ -143,6 +143,8 @@ BAD_SPAWNS: list[tuple[str, dict[str, Any]]] = [
     ("SPHERE needs 1", {"shape": SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2, 0.2])}),
     ("greater than zero", {"shape": SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.2, 0.2, 0.0])}),
     ("not supported", {"shape": SolidPrimitive(type=SolidPrimitive.CONE, dimensions=[0.2, 0.2])}),
+    ("beside the map", {"pose": pose_message((500, 0, 0)), "on_ground": True}),
+    ("clearance", {"pose": pose_message((1, 1, 1)), "clearance": -0.1, "on_ground": True}),
     ("is not in bodies.urdf_folders", {"urdf": "/no/such/file.urdf"}),
     ("does not load", {"urdf": "<robot>"}),
 ]
@@ -170,6 +172,7 @@ def test_moving_ground_goes_on_though_a_map_of_another_clock_is_refused(now: lis
 
 def test_bad_spawns_are_answered_with_what_is_wrong() -> None:
     with replayed([("heightmap", 0.0, heightmap_message(GOOD))]) as run:
+        run.run()
         usual = {"id": "new", "shape": BALL, "mass": 1.0, "pose": pose_message((0, 0, 1))}
         assert run.call("spawn_body", SpawnBody.Request(**usual | {"id": "ball"})).success
         for words, fields in BAD_SPAWNS:

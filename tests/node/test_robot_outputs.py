@@ -1,7 +1,6 @@
 """Names and outputs of robots: of those of one link as of others, under names that stay, and commands by these."""
 
 import math
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -15,10 +14,9 @@ from smartmesh_msgs.msg import BodyDescriptionArray
 
 from smartmesh_ros import BodyState, World
 from smartmesh_ros.node.inputs.conversions import RobotNames, joint_commands_from
-from smartmesh_ros.tools.testing import Probe, Process, heightmap_message
-from smartmesh_ros.tools.testing.replaying import replayed
+from smartmesh_ros.tools.testing import Probe
 from smartmesh_ros.world.joints import JointCommand
-from tests.node.shared import LATCHED, body_names, show_level_ground
+from tests.node.shared import LATCHED, body_names, on_level, show_level_ground
 from tests.node.shared import spawn as spawn_body
 from tests.urdfs import joint, link, robot
 
@@ -39,12 +37,11 @@ def spawn(probe: Probe, name: str, links: str, x: float = 2.0, **more: Any) -> N
     spawn_body(probe, name, (x, 2.0, 0.1), urdf=robot(links), **more)
 
 
-def test_robots_that_cannot_move_their_links_are_published(shared: Probe, shared_node: tuple[Probe, Process]) -> None:
+def test_robots_that_cannot_move_their_links_are_published(shared: Probe) -> None:
     kinds = list(STIFF)
     show_level_ground(shared)
     for place, kind in enumerate(kinds):
         spawn(shared, kind, STIFF[kind], 0.5 + place)
-    assert shared_node[1].process.poll() is None
     shared.wait_for(lambda: set(body_names(shared)) == set(kinds))
     described = shared.listen("body_descriptions", BodyDescriptionArray, LATCHED)  # late
     shared.wait_for(lambda: described and {body.id for body in described[-1].bodies} == set(kinds))
@@ -76,8 +73,7 @@ JOINTS = ["hinge", "slide"]
 
 
 def test_names_stay_whatever_robots_come_and_go() -> None:
-    ground = ("heightmap", 0.0, heightmap_message(np.zeros((60, 60))))
-    with replayed([ground], keep=["joint_states", "odometry"]) as run:
+    with on_level(keep=["joint_states", "odometry"]) as run:
 
         def names(*, joints: list[str], roots: set[str]) -> bool:
             """Whether these are the names of joints, and the child frames of the odometry."""
@@ -143,16 +139,12 @@ def test_robots_have_the_names_of_their_urdf_where_these_are_distinct(changes: l
 NAN = math.nan
 
 
-@pytest.fixture
-def world() -> Iterator[World]:
-    with World() as made:
-        made.spawn_robot("one", robot(ARM), BodyState((0.0, 0.0, 1.0)))
-        yield made
-
-
-def commands(world: World, **fields: Any) -> list[tuple[str, str, JointCommand]]:
-    message = JointState(**{"name": JOINTS, **fields})
-    return joint_commands_from(message, world, RobotNames(world, always=False).prefixes())
+def commands(*, always: bool, **fields: Any) -> list[tuple[str, str, JointCommand]]:
+    """Those of a message to a robot that is alone."""
+    with World() as world:
+        world.spawn_robot("one", robot(ARM), BodyState((0.0, 0.0, 1.0)))
+        message = JointState(**{"name": JOINTS, **fields})
+        return joint_commands_from(message, world, RobotNames(world, always=always).prefixes())
 
 
 @pytest.mark.parametrize(
@@ -168,16 +160,12 @@ def commands(world: World, **fields: Any) -> list[tuple[str, str, JointCommand]]
         ({}, {"hinge": JointCommand(), "slide": JointCommand()}),
     ],
 )
-def test_nan_is_no_command_for_an_interface(world: World, fields: Any, wanted: dict[str, JointCommand]) -> None:
+def test_nan_is_no_command_for_an_interface(fields: Any, wanted: dict[str, JointCommand]) -> None:
     """As ros2_control's topic bridge sends it for mixed robots. Nothing but NaN is no command, not one to be free."""
-    assert {joint: command for _, joint, command in commands(world, **fields)} == wanted
+    assert {joint: command for _, joint, command in commands(always=False, **fields)} == wanted
 
 
 def test_every_robot_has_a_prefix_by_a_parameter() -> None:
-    """One that is alone takes both names in commands."""
-    with World() as world:
-        world.spawn_robot("one", robot(ARM), BodyState((0.0, 0.0, 1.0)))
-        prefixes = RobotNames(world, always=True).prefixes()
-        assert prefixes == {"one": "one/"}
-        message = JointState(name=["hinge", "one/slide"], position=[0.4, 0.1])
-        assert [joint for _, joint, _ in joint_commands_from(message, world, prefixes)] == JOINTS
+    """One that is alone takes both names in commands. Its frames: test_scene.py."""
+    found = commands(always=True, name=["hinge", "one/slide"], position=[0.4, 0.1])
+    assert [joint for _, joint, _ in found] == JOINTS

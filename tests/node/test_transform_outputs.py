@@ -12,9 +12,8 @@ from tf2_msgs.msg import TFMessage
 from smartmesh_ros import BodyState, Sphere
 from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.node.inputs.frames import FrameBuffer
-from smartmesh_ros.tools.testing import Probe, heightmap_message
-from smartmesh_ros.tools.testing.replaying import replayed
-from tests.node.shared import LATCHED, changed, show_level_ground, transform_message
+from smartmesh_ros.tools.testing import Probe
+from tests.node.shared import LATCHED, changed, on_level, show_level_ground, transform_message
 from tests.node.shared import spawn as spawn_body
 from tests.node.test_robot_outputs import ARM, STIFF, spawn
 from tests.urdfs import robot
@@ -42,8 +41,7 @@ def buffer_of(*messages: TFMessage) -> FrameBuffer:
 
 
 def test_a_link_that_is_named_like_a_body_has_the_prefix_of_its_robot() -> None:
-    ground = ("heightmap", 0.0, heightmap_message(np.zeros((60, 60))))
-    with replayed([ground], SHARED, keep=["/tf"]) as run:
+    with on_level(SHARED, keep=["/tf"]) as run:
         run.world.spawn("base", Sphere(0.2), 1.0, BodyState((2.0, 1.0, 0.5)))
         run.world.spawn_robot("robot", robot(ARM), BodyState((0.7, 2.0, 0.1)))
         run.run(2.0)
@@ -55,8 +53,7 @@ def test_a_link_that_is_named_like_a_body_has_the_prefix_of_its_robot() -> None:
 
 
 def test_bodies_and_links_have_frames_where_they_are() -> None:
-    ground = ("heightmap", 0.0, heightmap_message(np.zeros((60, 60))))
-    with replayed([ground], SHARED, keep=["/tf", "joint_states", "odometry"]) as run:
+    with on_level(SHARED, keep=["/tf", "joint_states", "odometry"]) as run:
 
         def parents() -> dict[str, str]:
             run.run(run.time + 1.5)
@@ -129,11 +126,9 @@ def test_the_rate_may_change_and_a_clock_that_stands_still_sends_nothing(shared:
     with changed(shared, {"publish.clock": 100.0}):
         assert shared.call("pause", SetBool, data=True).success
         received = shared.received[TF]
-        for _ in range(3):
-            shared.latest("body_states")
-        received.clear()
-        for _ in range(20):
-            shared.latest("body_states")
-        assert len({(m.transforms[0].header.stamp.sec, m.transforms[0].header.stamp.nanosec) for m in received}) == len(
-            received
-        ), "tf2 warns of a frame that comes twice at one time"
+        for count in (3, 20):
+            received.clear()
+            for _ in range(count):
+                shared.latest("body_states")
+        stamps = [(stamp.sec, stamp.nanosec) for stamp in (message.transforms[0].header.stamp for message in received)]
+        assert len(set(stamps)) == len(stamps), "tf2 warns of a frame that comes twice at one time"
