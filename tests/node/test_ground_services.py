@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion
-from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.msg import BodySpecification
-from smartmesh_msgs.srv import CastRays, QueryGround, SpawnBodies
+from smartmesh_msgs.srv import CastRays, QueryGround
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
@@ -18,16 +16,16 @@ from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import Terrain
-from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
+from smartmesh_ros.tools.testing import Probe, heightmap_message
 from smartmesh_ros.tools.testing.replaying import replayed
-from tests.node.shared import LATCHED, box, fed, seconds, show_map, transform_message
+from tests.node.shared import LATCHED, box, fed, seconds, show_map, spawn, transform_message
 from tests.terrain.surfaces import first_hit, triangles_of
 
 SIDE, RESOLUTION, LOW = 81, 0.25, -10.0
 r, c = np.mgrid[:SIDE, :SIDE]
 X, Y = LOW + RESOLUTION * c, LOW + RESOLUTION * r
 HILLS = (0.4 * np.sin(0.6 * X) * np.cos(0.5 * Y)).astype(np.float32)
-BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.3])
+UP = [0.0, 0.0, 1.0]
 
 
 def hills() -> HeightMap:
@@ -43,11 +41,10 @@ def query(probe: Probe, points: np.ndarray, frame_id: str = "", **fields: Any) -
     return probe.call("query_ground", QueryGround, **(given | fields))
 
 
-def cast(probe: Probe, origins: Any, directions: Any, reach: float = 20.0, frame_id: str = "", **fields: Any) -> Any:
-    given = {"header": Header(frame_id=frame_id), "range": reach}
-    return probe.call(
-        "cast_rays", CastRays, origins=doubles(origins), directions=doubles(directions), **(given | fields)
-    )
+def cast(probe: Probe, origins: Any, directions: Any, frame_id: str = "", **fields: Any) -> Any:
+    given = {"header": Header(frame_id=frame_id), "range": 20.0}
+    arrays = {"origins": doubles(origins), "directions": doubles(directions)}
+    return probe.call("cast_rays", CastRays, **(given | arrays | fields))
 
 
 def array(values: Any, *shape: int) -> np.ndarray:
@@ -105,9 +102,7 @@ def test_waves_are_answered_for_the_instant_of_the_stamp(now: list[float], stamp
 
 def test_rays_meet_hills_and_bodies(shared: Probe) -> None:
     publish_hills(shared)
-    there = {"shape": box(0.8, 0.8, 0.5), "pose": pose_message((0.0, 0.0, 0.0)), "on_ground": True, "align": True}
-    wanted = [BodySpecification(id="box", mass=1.0, **there)]
-    assert shared.call("spawn_bodies", SpawnBodies, bodies=wanted).success
+    spawn(shared, "box", shape=box(0.8, 0.8, 0.5), on_ground=True, align=True)
     rng = np.random.default_rng(1)
     origins = np.column_stack([rng.uniform(-9.0, 9.0, (2500, 2)), np.full(2500, 1.5)])
     directions = rng.normal(size=(2500, 3)) * (1.0, 1.0, 0.3)
@@ -118,9 +113,8 @@ def test_rays_meet_hills_and_bodies(shared: Probe) -> None:
     assert 30 < ground.sum() < 300 and set(answer.hits) <= {"", "ground", "box"}
     np.testing.assert_allclose(array(answer.distances)[:300][ground], expected.values[ground], atol=1e-6)
     assert np.isinf(array(answer.distances)[np.array(answer.hits) == ""]).all()
-    down = cast(shared, [0.0, 0.0, 5.0], [0.0, 0.0, -2.0])
-    assert list(down.hits) == ["box"]
-    assert list(cast(shared, [0.0, 0.0, 5.0], [0.0, 0.0, -2.0], through=["box"]).hits) == ["ground"]
+    for through, hit in (([], "box"), (["box"], "ground")):
+        assert list(cast(shared, [0.0, 0.0, 5.0], [0.0, 0.0, -2.0], through=through).hits) == [hit]
 
 
 def test_questions_in_other_frames(shared: Probe) -> None:
@@ -157,11 +151,11 @@ def test_what_cannot_be_answered_is_refused_by_reason(shared: Probe) -> None:
         (query(shared, one, y=doubles([0.0, 1.0])), "1 x, 2 y and 0 below"),
         (query(shared, one, "rover"), "no body is called 'rover' (there are no bodies), and as a frame: there is no"),
         (query(shared, one, header=Header(stamp=stamp)), "before this node's time"),
-        (cast(shared, [0.0, 0.0], [0.0, 0.0, 1.0]), "three of each"),
-        (cast(shared, [0.0, 0.0, math.nan], [0.0, 0.0, 1.0]), "not finite"),
-        (cast(shared, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]), "has no length"),
-        (cast(shared, [0.0, 0.0, 0.0], [0.0, 0.0, 1.0], reach=-1.0), "range"),
-        (cast(shared, [0.0, 0.0, 0.0], [0.0, 0.0, 1.0], through=["nobody"]), "no body 'nobody'"),
+        (cast(shared, [0.0, 0.0], UP), "three of each"),
+        (cast(shared, [0.0, 0.0, math.nan], UP), "not finite"),
+        (cast(shared, [0.0] * 3, [0.0] * 3), "has no length"),
+        (cast(shared, [0.0] * 3, UP, range=-1.0), "range"),
+        (cast(shared, [0.0] * 3, UP, through=["nobody"]), "no body 'nobody'"),
         (cast(shared, np.zeros(300_003), np.ones(300_003)), "100001 rays"),
     ]
     for answer, words in refused:
@@ -172,13 +166,13 @@ def test_what_cannot_be_answered_is_refused_by_reason(shared: Probe) -> None:
 
 
 def test_the_parameter_spawns_bodies_once_there_is_ground_for_them() -> None:
-    spawn = [
+    bodies = [
         "{id: low, shape: sphere, size: [0.2], mass: 1.0, xyz: [2, 2, 9.0]}",
         "{id: high, shape: box, size: [0.2, 0.2, 0.2], xy: [3, 3], above: 1.0, yaw: 0.5}",
         "{id: ball, shape: sphere, size: [0.3], xy: [0.2, 0.1]}",
         "{id: box, shape: box, size: [0.5, 0.4, 0.3], xy: [3, 2], clearance: 0.1, align: true}",
     ]
-    parameters = {"bodies.spawn": spawn, "physics.gravity": [0.0, 0.0, 0.0]}
+    parameters = {"bodies.spawn": bodies, "physics.gravity": [0.0, 0.0, 0.0]}
     message = heightmap_message(HILLS, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
     with replayed([("heightmap", 0.0, message)], parameters) as run:
         assert run.world.bodies.keys() == {"low"}

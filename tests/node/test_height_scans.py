@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from std_msgs.msg import Float32MultiArray
 
 from smartmesh_ros import BodyState, Box, HeightScan, Sphere, Terrain
 from smartmesh_ros.terrain.height_scan import yaws_of
@@ -29,10 +28,6 @@ SCANS = {
         "{body: nobody}",
     ],
 }
-
-
-def values(message: Float32MultiArray) -> np.ndarray:
-    return np.array(message.data, np.float32)
 
 
 def on_hills(parameters: dict[str, Any], *topics: str) -> Replay:
@@ -60,13 +55,12 @@ def test_scans_of_all_kinds_of_bodies_are_the_ground_around_them() -> None:
             message, state = run.received(f"height_scan/{topic}")[-1], world.base_state(body)
             assert [(axis.label, axis.size, axis.stride) for axis in message.layout.dim] == axes
             place = np.array([[*state.position, float(yaws_of([state.orientation])[0])]])
-            np.testing.assert_allclose(values(message), scan.read(Terrain(hills()), place, 0.0)[0], atol=1e-5)
+            np.testing.assert_allclose(message.data, scan.read(Terrain(hills()), place, 0.0)[0], atol=1e-5)
 
 
 def test_scans_come_at_their_rate_in_simulated_time_and_only_to_subscribers(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a delayed scan shows: tests/world/test_height_scan.py."""
-    measured: list[float] = []
-    measure = HeightScanner.measure
+    measured, measure = list[float](), HeightScanner.measure
 
     def note(scanner: HeightScanner) -> None:
         measured.append(scanner._world.time)

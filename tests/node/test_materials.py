@@ -61,8 +61,8 @@ def test_friction_comes_with_maps_and_stays_where_later_ones_say_nothing() -> No
         # Layers by their names, in maps and regions.
         layers = {"stiffness": np.where(halves() > 0.5, 2e5, np.nan), "damping": 2e4}
         node.give("heightmap", stamped(node, heightmap_message(FLAT, resolution=RESOLUTION, layers=layers)))
-        region = HeightmapUpdate(x=2, y=1, width=3, height=2, heights=floats(np.zeros(6)))
-        region.layers = [layer_message("damping", 1e3), layer_message("rolling", np.arange(6.0) / 60.0)]
+        changes = [layer_message("damping", 1e3), layer_message("rolling", np.arange(6.0) / 60.0)]
+        region = HeightmapUpdate(x=2, y=1, width=3, height=2, heights=floats(np.zeros(6)), layers=changes)
         node.give("heightmap_update", stamped(node, region))
         given = node.world.terrain.tiles[""].material
         np.testing.assert_array_equal(given.stiffness, np.float32(layers["stiffness"]))
@@ -102,10 +102,11 @@ def test_the_publisher_on_the_page_makes_ice_beside_gravel(probe: Probe) -> None
             probe.wait_for(lambda: probe.diagnostics("terrain")["tiles"] == "1")
             assert probe.call("pause", SetBool, data=True).success
             sliding = {"shape": box(0.4, 0.4, 0.1), "on_ground": True, "twist": Twist(linear=Vector3(x=2.0))}
-            for name, x in (("on_ice", -8.0), ("on_gravel", 2.0)):
+            starts = {"on_ice": (-8.0, 0.5 * 0.2), "on_gravel": (2.0, 0.5 * 1.2)}
+            for name, (x, _) in starts.items():
                 spawn(probe, name, (x, 0.0, 0.0), **sliding)
             assert probe.call("step", StepPhysics, steps=600).success
-            for name, x, friction in (("on_ice", -8.0, 0.5 * 0.2), ("on_gravel", 2.0, 0.5 * 1.2)):
+            for name, (x, friction) in starts.items():
                 way = pytest.approx(2.0**2 / (2.0 * friction * 9.81), rel=0.03)
                 probe.wait_for(lambda name=name, x=x, way=way: position_of(probe, name)[0] - x == way)
         finally:

@@ -41,44 +41,37 @@ def test_a_signal_ends_the_node_cleanly(probe: Probe) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "arguments", "words", "number", "code"),
+    ("name", "arguments", "words", "code"),
     [
-        ("smartmesh-fleet", ["--nodes", "1", "--bodies", "1"], "real-time", signal.SIGINT, 0),
-        ("smartmesh-demo", ["--seconds", "1000"], "starting", signal.SIGINT, 1),
+        ("smartmesh-fleet", ["--nodes", "1", "--bodies", "1"], "real-time", 0),
+        ("smartmesh-demo", ["--seconds", "1000"], "starting", 1),
     ],
 )
 def test_a_signal_ends_a_program_and_the_nodes_that_it_started(
-    name: str, arguments: list[str], words: str, number: signal.Signals, code: int
+    name: str, arguments: list[str], words: str, code: int
 ) -> None:
     """With an end that is not the one asked for, the demo says so."""
     with Process(name, arguments=arguments) as process:
         wait_until(lambda: words in process.output)
         children = psutil.Process(process.process.pid).children(recursive=True)
         assert children
-        assert process.stop(number) == code, process.output
+        assert process.stop() == code, process.output
         assert "Traceback" not in process.output
         wait_until(lambda: all(has_ended(child.pid) for child in children))
 
 
-@pytest.mark.parametrize(
-    ("name", "number"),
-    [
-        ("smartmesh-demo", signal.SIGTERM), ("terrain_collider", signal.SIGINT)
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "number"), [("smartmesh-demo", signal.SIGTERM), ("terrain_collider", signal.SIGINT)])
 def test_a_signal_during_the_imports_ends_an_executable(name: str, number: signal.Signals) -> None:
     """They last a second; nothing is to be cleaned up. Started as a shell starts a background job, SIGINT ignored."""
     command = ["sh", "-c", "trap '' INT; exec \"$0\"", str(executable(name))]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    try:
-        loaded = Path(f"/proc/{process.pid}/maps")
-        wait_until(lambda: process.poll() is not None or "numpy" in loaded.read_text())
-        process.send_signal(number)
-        assert process.communicate(timeout=TIMEOUT)[0] == ""
-        assert process.returncode == 0
-    finally:
-        process.kill()
-        process.wait()
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+        try:
+            loaded = Path(f"/proc/{process.pid}/maps")
+            wait_until(lambda: process.poll() is not None or "numpy" in loaded.read_text())
+            process.send_signal(number)
+            assert (process.communicate(timeout=TIMEOUT)[0], process.returncode) == ("", 0)
+        finally:
+            process.kill()
 
 
 def test_a_second_signal_while_the_node_ends_changes_nothing(probe: Probe) -> None:
@@ -186,11 +179,9 @@ def test_signals_are_obeyed_within_a_second_under_load(probe: Probe) -> None:
             return len(probe.patches()) == 200
 
         probe.wait_for(all_patched)
-        ended = processor_time_of_ended()
-        times = psutil.Process(process.process.pid).cpu_times()
-        used = times.user + times.system
+        ended, times = processor_time_of_ended(), psutil.Process(process.process.pid).cpu_times()
         assert process.stop(signal.SIGTERM) == 0
-        assert processor_time_of_ended() - ended - used < 1.0
+        assert processor_time_of_ended() - ended - times.user - times.system < 1.0
 
 
 def processor_time_of_ended() -> float:

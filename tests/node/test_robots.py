@@ -16,8 +16,7 @@ from std_srvs.srv import SetBool
 from smartmesh_ros import BodyState
 from smartmesh_ros.scenes.tracks import robot_file
 from smartmesh_ros.tools.testing import heightmap_message, pose_message
-from smartmesh_ros.tools.testing.replaying import replayed
-from tests.node.shared import Fed, Logged, fed
+from tests.node.shared import Fed, Logged, fed, on_level
 
 ROVER = Path(__file__).parent.parent / "data" / "rover.urdf"
 RADIUS = 0.15  # of the wheels [m]
@@ -29,8 +28,7 @@ LASTING = {"bodies.command_timeout": 0.0}
 
 
 def test_the_ground_carries_the_weight_where_the_centre_of_mass_is() -> None:
-    ground = ("heightmap", 0.0, heightmap_message(np.zeros((101, 101))))
-    with replayed([ground], LASTING, keep=["contact_wrenches"]) as run:
+    with on_level(LASTING, keep=["contact_wrenches"]) as run:
         run.world.spawn_robot("rover", ROVER.read_text(), BodyState((4.0, 4.0, 0.3), TURNED))
         run.run(2.0)
         message = run.received("contact_wrenches")[-1]
@@ -60,7 +58,7 @@ def test_the_twist_of_odometry_is_in_the_frame_of_the_turned_base() -> None:
     twist = Twist(linear=Vector3(x=1.0), angular=Vector3(z=0.5))
     pose = pose_message((1.0, 2.0, 3.0), 0.5 * math.pi)  # faces +y
     asked = SpawnBody.Request(id="rover", urdf=ROVER.read_text(), pose=pose, twist=twist)
-    with replayed([("pause", 0.0, SetBool.Request(data=True))], {"frame_id": "map"}, keep=["odometry"]) as run:
+    with on_level(None, ("pause", 0.0, SetBool.Request(data=True)), keep=["odometry"]) as run:
         run.run(0.1)
         assert run.call("spawn_body", asked).success
         run.run(0.2)

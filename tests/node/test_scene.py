@@ -17,7 +17,7 @@ from visualization_msgs.msg import Marker
 from smartmesh_ros import HeightMap, Terrain
 from smartmesh_ros.node.outputs.ground_view import GroundView, ground_points, window_around
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-from smartmesh_ros.tools.testing import Probe
+from smartmesh_ros.tools.testing import Probe, points_of
 from tests.bodies import rotation
 from tests.ground.reaching import balls_on
 from tests.node.displays import Display
@@ -33,12 +33,11 @@ SOLIDS = {
 }  # fmt: skip
 
 
-def triangles(points: Any) -> np.ndarray:
+def triangles(marker: Marker) -> np.ndarray:
     """Corners (T, 3, 3) of the triangles with an area."""
-    corners = np.array([(point.x, point.y, point.z) for point in points]).reshape(-1, 3, 3)
-    return corners[
-        np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) > 1e-9
-    ]
+    corners = points_of(marker).reshape(-1, 3, 3)
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return corners[np.linalg.norm(np.cross(first, second), axis=1) > 1e-9]
 
 
 def outline(markers: list[Marker]) -> tuple[float, ...]:
@@ -71,9 +70,8 @@ def test_rviz_shows_the_ground_and_the_bodies_and_forgets_them(shared: Probe) ->
     by_place = {name: [] for name in states}
     for marker in display.of("bodies"):
         assert marker.header.frame_id == "map" and marker.frame_locked
-        x, y = marker.pose.position.x, marker.pose.position.y
-        for name, body in states.items():
-            if np.hypot(x - body.pose.position.x, y - body.pose.position.y) < 0.5:
+        for name, place in ((name, body.pose.position) for name, body in states.items()):
+            if np.hypot(marker.pose.position.x - place.x, marker.pose.position.y - place.y) < 0.5:
                 by_place[name].append(marker)
     kinds = {name: sorted(marker.type for marker in found) for name, found in by_place.items()}
     assert kinds == {
@@ -84,13 +82,11 @@ def test_rviz_shows_the_ground_and_the_bodies_and_forgets_them(shared: Probe) ->
     for name, wanted in edges.items():
         assert outline(by_place[name]) == pytest.approx(wanted, abs=1e-3), name
     [ground] = display.of("ground")
-    corners = triangles(ground.points)
+    corners = triangles(ground)
     true = HeightMap(HEIGHTS, resolution=RESOLUTION, origin=(LOW, LOW)).at(corners[..., :2].reshape(-1, 2), 0.0).heights
     np.testing.assert_allclose(corners[..., 2].ravel(), true - 0.01, atol=1e-6)
-    for body in states.values():
-        assert (corners[..., 0].min() < body.pose.position.x < corners[..., 0].max()) and (
-            corners[..., 1].min() < body.pose.position.y < corners[..., 1].max()
-        )
+    places = [(body.pose.position.x, body.pose.position.y) for body in states.values()]
+    assert (corners[..., :2].min(axis=(0, 1)) < places).all() and (places < corners[..., :2].max(axis=(0, 1))).all()
     assert shared.call("remove_bodies", RemoveBodies, ids=["pill", "ball"]).success
     shared.wait_for(lambda: len(display.of("bodies")) == 3)  # the guide goes, too: nobody sends its pose
     shared.wait_for(lambda: display.without_ground > 15)  # it is at rest, and nobody is new any more
@@ -105,10 +101,9 @@ def test_a_robot_model_has_the_frames_and_the_files_of_the_robot(probe: Probe) -
         probe.publish_map(np.zeros((41, 41)))
         probe.wait_for(lambda: models and models[-1].data and frames)
         robot = ElementTree.fromstring(models[-1].data)
-        links = {link.get("name") for link in robot.findall("link")}
-        assert all(str(link).startswith("husky/") for link in links)
-        ends = {end.get("link") for joint in robot.findall("joint") for end in joint if end.tag in ("parent", "child")}
-        assert ends <= links
+        links = {str(link.get("name")) for link in robot.findall("link")}
+        assert all(link.startswith("husky/") for link in links)
+        assert {end.get("link") for end in (*robot.iter("parent"), *robot.iter("child"))} - {None} <= links
         assert links <= {transform.child_frame_id for transform in frames[-1].transforms}
         meshes = [str(mesh.get("filename")) for mesh in robot.iter("mesh")]
         assert meshes and all(mesh.startswith("file:///") and Path(mesh[7:]).is_file() for mesh in meshes)

@@ -19,18 +19,8 @@ from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import Probe, heightmap_message
 from smartmesh_ros.tools.testing.replaying import replayed
 from tests.node.shared import changed, fed
-from tests.node.test_simulation_services import (
-    OK,
-    ROVER,
-    ask,
-    entities,
-    placed,
-    pose_of,
-    set_state,
-    spawn,
-    state,
-    with_mesh,
-)
+from tests.node.test_simulation_services import OK, ROVER, ask, entities, placed, pose_of, set_state, spawn, state
+from tests.urdfs import link, mesh, robot
 
 SHARED = {"simulation_interfaces": True, "frame_id": "map", "raster.resolution": 0.25}
 L = srv.LoadWorld.Response
@@ -116,7 +106,7 @@ def test_a_world_that_is_refused_changes_nothing(shared: Probe, worlds: Path) ->
     scene(worlds / "nul.yaml", **{"terrain.file": "a\0b.npy"})
     (worlds / "bad.urdf").write_text("<robot")
     scene(worlds / "no_file.yaml", **{"bodies.spawn": ["{id: a, urdf: bare.urdf, xyz: [0, 0, 1]}", BALL]})
-    (worlds / "bare.urdf").write_text(with_mesh("no_such.stl"))
+    (worlds / "bare.urdf").write_text(robot(link("l", mesh("no_such.stl"), None)))
     scene(worlds / "twice.yaml", **{"bodies.spawn": [BALL, BALL]})
     scene(worlds / "type.yaml", **{"terrain.file": "slope.npy", "raster.resolution": "fine"})
     bomb = "".join(f"  a{k}: &a{k} {{l: *a{k - 1}, r: *a{k - 1}}}\n" for k in range(1, 40))

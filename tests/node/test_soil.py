@@ -6,19 +6,16 @@ from typing import Any
 import numpy as np
 import pytest
 from grid_map_msgs.msg import GridMap
-from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
-from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import HeightmapUpdate
 
-from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.scenes import eight
 from smartmesh_ros.soil.config import soil_named
 from smartmesh_ros.tools.testing import Probe
 from smartmesh_ros.tools.testing.messages import heightmap_message
 from studies.soil.trials import plate_sinkage
 from tests.grid_maps import grid_map_message
-from tests.node.shared import box, fed, made_with, position_of, set_parameters, show_map, spawn, stamped
+from tests.node.shared import box, fed, position_of, set_parameters, show_map, spawn, stamped
 
 PLATE, MASS = box(0.2, 0.2, 0.1), 5e3 * 0.04 / 9.81
 SIDE = 101
@@ -53,8 +50,7 @@ def test_soils_come_with_maps_and_layers_and_stay_where_later_ones_say_nothing()
     with fed({"soil.type": ["lunar", "clay"], "terrain.input": "grid_map", "terrain.changes": "motion"}) as node:
 
         def give(soil: Any = None, x: float = 0.0) -> Any:
-            message = heightmap_message(np.zeros((9, 9)), origin=(x, 0.0, 0.0), soil=soil)
-            return stamped(node, message)
+            return stamped(node, heightmap_message(np.zeros((9, 9)), origin=(x, 0.0, 0.0), soil=soil))
 
         soils = np.arange(81).reshape(9, 9) % 2
         for soil, x, wanted in (
@@ -78,16 +74,15 @@ def test_soils_come_with_maps_and_layers_and_stay_where_later_ones_say_nothing()
 
 def test_a_map_that_cannot_be_soil_is_taken_without() -> None:
     """Its cells are too wide. That is counted with each map, and a finer map is soil again."""
-    with made_with(TerrainCollider, {"soil.type": ["lunar"]}) as node:
-        [take] = [found.callback for found in node.session.subscriptions if found.topic_name.endswith("/heightmap")]
+    with fed({"soil.type": ["lunar"]}) as node:
+        counts = node.node.refusals.counts
         for resolution, refused in ((0.5, 0), (10.0, 1), (0.5, 1), (10.0, 2)):
-            take(serialize_message(heightmap_message(np.zeros((9, 9)), resolution=resolution)))
-            node.tick()
-            assert node.session.world.terrain.tiles[""].geometry.resolution == resolution
-            assert node.refusals.counts["soil.type: soil"] == refused == node.refusals.counts.total()
-            assert (node.session.world.ground.soil is None) == (resolution == 10.0)
-        assert node.set_parameters([Parameter("soil.type", value=["clay"])])[0].successful
-        assert node.refusals.counts["soil.type: soil"] == 3
+            node.give("heightmap", heightmap_message(np.zeros((9, 9)), resolution=resolution), steps=1)
+            assert node.world.terrain.tiles[""].geometry.resolution == resolution
+            assert counts["soil.type: soil"] == refused == counts.total()
+            assert (node.world.ground.soil is None) == (resolution == 10.0)
+        assert not node.set("soil.type", ["clay"])
+        assert counts["soil.type: soil"] == 3
 
 
 def test_a_rover_leaves_ruts_where_it_drove(probe: Probe) -> None:

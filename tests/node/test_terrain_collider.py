@@ -101,15 +101,13 @@ def test_a_rate_that_is_raised_holds_at_once_and_calls_for_single_steps_put_off_
 def test_parameters_change_at_run_time_as_a_whole_or_not_at_all() -> None:
     with fed({"physics.rate": 120.0}) as node:
 
-        def change(**values: Any) -> Any:
+        def refusal(**values: Any) -> str:
             changes = [Parameter(name.replace("__", "."), value=value) for name, value in values.items()]
-            return node.node.set_parameters_atomically(changes)
+            return str(node.node.set_parameters_atomically(changes).reason)
 
-        assert change(physics__rate=60.0, bodies__default_radius=0.5).successful
-        refused = change(physics__rate=120.0, terrain__motion="jelly")
-        assert not refused.successful and "terrain.motion" in refused.reason
-        assert not change(physics__rate=0.0).successful
-        assert not change(frame_id="other").successful, "read-only"
+        assert not refusal(physics__rate=60.0, bodies__default_radius=0.5)
+        assert "terrain.motion" in refusal(physics__rate=120.0, terrain__motion="jelly")
+        assert refusal(physics__rate=0.0) and refusal(frame_id="other"), "read-only"
         assert node.world.dt == pytest.approx(1.0 / 60.0)
 
 

@@ -37,10 +37,9 @@ def points_of_cloud(cloud: PointCloud2) -> np.ndarray:
     return np.frombuffer(cloud.data, np.float32).reshape(cloud.width, 3).astype(np.float64)
 
 
-def in_map(probe: Probe, points: np.ndarray) -> np.ndarray:
-    """Points of the post's frame in the terrain's frame."""
-    pose = next(body.pose for body in probe.latest("body_states").bodies if body.id == "post")
-    q, p = pose.orientation, pose.position
+def turned(points: np.ndarray, rotated: Any, place: Any) -> np.ndarray:
+    """Points of a frame in that above it, which its pose is in."""
+    q, p = rotated, place
     return np.asarray(points @ rotation(np.array([q.x, q.y, q.z, q.w])).T + (p.x, p.y, p.z))
 
 
@@ -71,7 +70,9 @@ def test_a_lidar_on_a_body_sees_the_ground_and_not_its_body(shared: Probe) -> No
             in the box, and pass through its sides."""
             points = points_of_cloud(clouds[-1])
             assert np.linalg.norm(points, axis=1).max(initial=0.0) <= 15.0 + 1e-3
-            return len(points) > 1000 and bool(np.abs(errors(in_map(shared, points))).max() < 0.02)
+            pose = next(body.pose for body in shared.latest("body_states").bodies if body.id == "post")
+            places = turned(points, pose.orientation, pose.position)
+            return len(points) > 1000 and bool(np.abs(errors(places)).max() < 0.02)
 
         shared.wait_for(on_the_hills)
 
@@ -100,18 +101,16 @@ def test_a_depth_camera_agrees_with_its_cloud(shared: Probe) -> None:
         stamp = images[-1].header.stamp
         cloud = shared.wait_for(lambda: next((one for one in clouds if one.header.stamp == stamp), None))
         image, info = images[-1], infos[-1]
-        assert (image.encoding, image.width, image.height, image.header.frame_id) == (
-            "32FC1", 40, 30, "shared/terrain_sensor_optical",
-        )  # fmt: skip
+        optical_frame = "shared/terrain_sensor_optical"
+        assert (image.encoding, image.width, image.height, image.header.frame_id) == ("32FC1", 40, 30, optical_frame)
         depths = np.frombuffer(image.data, np.float32).reshape(30, 40).astype(np.float64)
         v, u = np.nonzero(~np.isnan(depths))
         fx, fy, cx, cy = info.k[0], info.k[4], info.k[2], info.k[5]
         z = depths[v, u]
         optical = np.column_stack([(u - cx) / fx * z, (v - cy) / fy * z, z])
         transform = frames[-1].transforms[0]
-        assert (transform.header.frame_id, transform.child_frame_id) == ("post", "shared/terrain_sensor_optical")
-        q, t = transform.transform.rotation, transform.transform.translation
-        projected = optical @ rotation(np.array([q.x, q.y, q.z, q.w])).T + (t.x, t.y, t.z)
+        assert (transform.header.frame_id, transform.child_frame_id) == ("post", optical_frame)
+        projected = turned(optical, transform.transform.rotation, transform.transform.translation)
         np.testing.assert_allclose(projected, points_of_cloud(cloud), atol=1e-4)
         assert math.isclose(fx, 19.5 / math.tan(0.5 * math.radians(87.0)), rel_tol=1e-9)
 

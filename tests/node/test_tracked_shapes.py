@@ -30,11 +30,8 @@ def test_shapes_come_from_the_message_or_else_from_the_parameter() -> None:
         bodies = [TrackedBody(id="crate", shape=TrackedBody.SHAPE_BOX, dimensions=np.array([2, 2, 2], np.float32))]
         node.give("tracked_bodies", stamped(node, TrackedBodyArray(bodies=bodies)))
         assert node.world.bodies["crate"].shape == Box(2.0, 2.0, 2.0)
-        cases = [
-            ("shape", TrackedBody(id="a", shape=7)),
-            ("geometry", TrackedBody(id="a", shape=1, dimensions=np.array([1, 0, 1], np.float32))),
-        ]
-        for reason, body in cases:
+        flat = TrackedBody(id="a", shape=1, dimensions=np.array([1, 0, 1], np.float32))
+        for reason, body in (("shape", TrackedBody(id="a", shape=7)), ("geometry", flat)):
             node.require_refused("tracked_bodies", [(reason, stamped(node, TrackedBodyArray(bodies=[body])))])
 
 
@@ -54,5 +51,5 @@ def test_a_tracked_robot_follows_its_root_and_its_joints(tmp_path: Path) -> None
         out = np.array([math.cos(0.5), math.sin(0.5), 0.0])
         np.testing.assert_allclose(hand.position, (1.0, 0.0, 0.9) + 1.25 * out, atol=1e-4)
         np.testing.assert_allclose(hand.linear, (0.3, 0.0, 0.0) + 2.5 * np.array([-out[1], out[0], 0.0]), atol=1e-4)
-        node.require_refused("tracked_joint_states", [("length", JointState(name=["yaw"]))])
-        node.require_refused("tracked_joint_states", [("non_finite", JointState(name=["yaw"], position=[math.nan]))])
+        bad = [("length", JointState(name=["yaw"])), ("non_finite", JointState(name=["yaw"], position=[math.nan]))]
+        node.require_refused("tracked_joint_states", bad)
