@@ -1,18 +1,22 @@
-"""Tracked bodies as stacks publish them; their velocities, estimated from poses; and time-outs by arrival."""
+"""Tracked bodies as stacks publish them; their shapes; their velocities, estimated from poses; time-outs by arrival."""
+
+from __future__ import annotations
 
 import math
+from pathlib import Path
 
+import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseArray, PoseStamped, Twist, Vector3
 from hypothesis import given
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 from tf2_msgs.msg import TFMessage
 
-from smartmesh_ros import World
-from smartmesh_ros.ground.shapes import Box
+from smartmesh_ros import Box, Cylinder, Sphere, World
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.refusals import LOG_PERIOD
@@ -20,6 +24,7 @@ from smartmesh_ros.node.timing.pacing import NodeClock
 from smartmesh_ros.tools.testing import pose_message
 from tests.examples import examples
 from tests.node.shared import Fed, Logged, fed, stamped, transform_message, wait_until
+from tests.world.test_tracked_shapes import ARM as TRACKED_ARM
 
 INPUTS = {
     "bodies.poses": ["arm=/arm/tip_pose", "/second/pose"],
@@ -238,3 +243,41 @@ def test_a_body_that_is_heard_of_neither_stops_nor_goes_however_old_its_poses_ar
             assert tracking.expire(heard + 0.99 / rate) == []
             assert world.state("rover").linear == (1.0, 0.0, 0.0)
         assert tracking.expire(heard + 0.51) == ["rover"]
+
+
+def test_shapes_come_from_the_message_or_else_from_the_parameter() -> None:
+    entries = ["{body: crate, shape: box, size: [1, 0.5, 0.5]}", "{body: drum, shape: cylinder, size: [0.4, 0.2]}"]
+    with fed({"bodies.shapes": entries, "bodies.poses": ["drum=/drum"], "frame_id": "map"}) as node:
+        bodies = [TrackedBody(id="crate"), TrackedBody(id="ball", radius=0.2)]
+        node.give("tracked_bodies", stamped(node, TrackedBodyArray(bodies=bodies)))
+        node.give("/drum", stamped(node, PoseStamped()))
+        shapes = {name: body.shape for name, body in node.world.bodies.items()}
+        assert shapes["crate"] == Box(1.0, 0.5, 0.5)
+        assert shapes["drum"] == Cylinder(height=0.4, radius=0.2)
+        assert isinstance(shapes["ball"], Sphere)
+        bodies = [TrackedBody(id="crate", shape=TrackedBody.SHAPE_BOX, dimensions=np.array([2, 2, 2], np.float32))]
+        node.give("tracked_bodies", stamped(node, TrackedBodyArray(bodies=bodies)))
+        assert node.world.bodies["crate"].shape == Box(2.0, 2.0, 2.0)
+        flat = TrackedBody(id="a", shape=1, dimensions=np.array([1, 0, 1], np.float32))
+        for reason, body in (("shape", TrackedBody(id="a", shape=7)), ("geometry", flat)):
+            node.require_refused("tracked_bodies", [(reason, stamped(node, TrackedBodyArray(bodies=[body])))])
+
+
+def test_a_tracked_robot_follows_its_root_and_its_joints(tmp_path: Path) -> None:
+    file = tmp_path / "arm.urdf"
+    file.write_text(TRACKED_ARM)
+    parameters = {"bodies.shapes": [f"{{body: rig, urdf: {file}}}"], "bodies.odometry": ["rig=/rig"], "frame_id": "map"}
+    with fed(parameters) as node:
+        joints = JointState(name=["rig/yaw", "reach", "elsewhere"], position=[0.5, 0.2, 1.0], velocity=[2.0, 0.0, 9.0])
+        node.give("tracked_joint_states", joints)
+        message = stamped(node, Odometry())
+        message.pose.pose = pose_message((1.0, 0.0, 0.5))
+        message.twist.twist = Twist(linear=Vector3(x=0.3))
+        node.give("/rig", message, 0)
+        assert node.world.bodies.keys() == {"rig.base", "rig.arm", "rig.hand"}
+        hand = node.world.state("rig.hand")
+        out = np.array([math.cos(0.5), math.sin(0.5), 0.0])
+        np.testing.assert_allclose(hand.position, (1.0, 0.0, 0.9) + 1.25 * out, atol=1e-4)
+        np.testing.assert_allclose(hand.linear, (0.3, 0.0, 0.0) + 2.5 * np.array([-out[1], out[0], 0.0]), atol=1e-4)
+        bad = [("length", JointState(name=["yaw"])), ("non_finite", JointState(name=["yaw"], position=[math.nan]))]
+        node.require_refused("tracked_joint_states", bad)
