@@ -1,20 +1,23 @@
-"""Many bodies: by one call, all or none, and by many calls at once, each of which is answered, in turns."""
+"""Many bodies: by one call, all or none; by many calls at once, each of which is answered, in turns; by a parameter."""
 
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 
-from smartmesh_ros import HeightMap, World
+from smartmesh_ros import HeightMap, Terrain, World
 from smartmesh_ros.node.inputs.conversions import shape_of_primitive, state_from
 from smartmesh_ros.node.services.turns import NextTurn, Turns, Work
+from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
 from smartmesh_ros.tools.testing.replaying import replayed
 from tests.node.shared import BALL, box, fed, show_map
+from tests.node.test_ground_services import HILLS, LOW, RESOLUTION, hills
 
 # So many messages of a thousand bodies are read in time on a busy machine, too: answers wait behind those that are not.
 SHARED = {"publish.patches": 4.0, "publish.body_states": 4.0}
@@ -118,6 +121,27 @@ def test_many_bodies_come_and_go_by_one_call_each(shared: Probe) -> None:
     assert shared.call("remove_bodies", RemoveBodies, ids=[body.id for body in bodies[:990]]).success
     shared.wait_for(lambda: simulated(shared) == 10)
     shared.wait_for(lambda: len(shared.patches()) == 10)
+
+
+def test_the_parameter_spawns_bodies_once_there_is_ground_for_them() -> None:
+    bodies = [
+        "{id: low, shape: sphere, size: [0.2], mass: 1.0, xyz: [2, 2, 9.0]}",
+        "{id: high, shape: box, size: [0.2, 0.2, 0.2], xy: [3, 3], above: 1.0, yaw: 0.5}",
+        "{id: ball, shape: sphere, size: [0.3], xy: [0.2, 0.1]}",
+        "{id: box, shape: box, size: [0.5, 0.4, 0.3], xy: [3, 2], clearance: 0.1, align: true}",
+    ]
+    parameters = {"bodies.spawn": bodies, "physics.gravity": [0.0, 0.0, 0.0]}
+    message = heightmap_message(HILLS, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
+    with replayed([("heightmap", 0.0, message)], parameters) as run:
+        assert run.world.bodies.keys() == {"low"}
+        run.run(0.1)
+        ball, box, high = (run.world.state(name) for name in ("ball", "box", "high"))
+        ground = ground_samples(Terrain(hills()), checked_points([[0.2, 0.1], [3.0, 2.0], [3.0, 3.0]]), 0.0)
+        assert high.position == pytest.approx((3.0, 3.0, ground.z[2] + 1.0), abs=1e-6)
+        assert ball.position[2] - ground.z[0] == pytest.approx(0.3 / ground.normals[0, 2], abs=0.02)
+        assert box.position[2] - ground.z[1] == pytest.approx(0.25 / ground.normals[1, 2], abs=0.02)
+        x, y, _, _ = box.orientation
+        assert 1.0 - 2.0 * (x**2 + y**2) == pytest.approx(ground.normals[1, 2], abs=0.02)
 
 
 async def work(name: str, turns: int, log: list[str]) -> str:
