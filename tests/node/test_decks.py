@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from smartmesh_msgs.msg import HeightmapUpdate
 from tf2_msgs.msg import TFMessage

@@ -99,30 +99,17 @@ def test_a_node_runs_without_a_folder_for_logs(
         assert process.stop() == 0
 
 
-@pytest.mark.parametrize(("name", "number"), [("terrain_collider", "300"), ("terrain_source", "abc")])
-def test_a_domain_that_does_not_exist_is_named(name: str, number: str) -> None:
-    assert_cannot_start(
-        {}, f"ROS_DOMAIN_ID is '{number}'; it must be", name=name, environment={"ROS_DOMAIN_ID": number}
-    )
-
-
 def test_a_node_counts_no_deadlines_while_it_starts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its clock goes on by 1000 s while it is made, as if it read a large file."""
     missed, started = list[int](), [0.0]
 
     class Slow(Node):
-        handled = 0
+        handled, idle, turn = 0, lambda _: None, lambda _: False
 
         def __init__(self) -> None:
             super().__init__("slow")
             self.pacer = Pacer(0.2, now=lambda: monotonic() + started[0])
             started[0] = 1000.0
-
-        def idle(self) -> None:
-            pass
-
-        def turn(self) -> bool:
-            return False
 
         def tick(self, _: int) -> None:
             missed.append(self.pacer.misses)
@@ -158,14 +145,17 @@ def test_a_source_may_be_killed_and_started_again(udp_only: None, probe: Probe) 
 
 
 @pytest.mark.parametrize(
-    ("name", "parameter", "value", "words"),
+    ("name", "parameters", "domain_id", "words"),
     [
-        ("terrain_collider", "bodies.spawn", ["{id: x}"], "cannot start: bodies.spawn"),
-        ("terrain_score", "csv", "/nowhere/score.csv", "cannot start: csv cannot be written: [Errno 2]"),
+        ("terrain_collider", {"bodies.spawn": ["{id: x}"]}, "", "cannot start: bodies.spawn"),
+        ("terrain_score", {"csv": "/nowhere/score.csv"}, "", "cannot start: csv cannot be written: [Errno 2]"),
+        ("terrain_collider", {}, "300", "ROS_DOMAIN_ID is '300'; it must be"),
+        ("terrain_source", {}, "abc", "ROS_DOMAIN_ID is 'abc'; it must be"),
     ],
 )
-def test_impossible_parameters_stop_the_start(name: str, parameter: str, value: Any, words: str) -> None:
-    assert_cannot_start({parameter: value}, words, name=name)
+def test_what_cannot_be_stops_the_start(name: str, parameters: dict[str, Any], domain_id: str, words: str) -> None:
+    environment = {"ROS_DOMAIN_ID": domain_id} if domain_id else None
+    assert_cannot_start(parameters, words, name=name, environment=environment)
 
 
 def test_signals_are_obeyed_within_a_second_under_load(probe: Probe) -> None:

@@ -29,13 +29,19 @@ def ask(probe: Probe, service: str, **fields: Any) -> Any:
     return probe.call(service, getattr(srv, service.title().replace("_", "")), **fields)
 
 
+def done(probe: Probe, service: str, **fields: Any) -> Any:
+    """Calls one that must succeed."""
+    answer = ask(probe, service, **fields)
+    assert answer.result.result == OK, answer.result.error_message
+    return answer
+
+
 def state(probe: Probe) -> int:
     return int(ask(probe, "get_simulation_state").state.state)
 
 
 def set_state(probe: Probe, wanted: int) -> int:
-    result = ask(probe, "set_simulation_state", state=SimulationState(state=wanted)).result
-    return int(result.result)
+    return int(ask(probe, "set_simulation_state", state=SimulationState(state=wanted)).result.result)
 
 
 def spawn(probe: Probe, **fields: Any) -> Any:
@@ -43,16 +49,13 @@ def spawn(probe: Probe, **fields: Any) -> Any:
 
 
 def entities(probe: Probe, **filters: Any) -> list[str]:
-    answer = ask(probe, "get_entities", filters=msg.EntityFilters(**filters))
-    assert answer.result.result == OK, answer.result.error_message
-    return list(answer.entities)
+    return list(done(probe, "get_entities", filters=msg.EntityFilters(**filters)).entities)
 
 
 def pose_of(probe: Probe, name: str) -> tuple[float, float, float]:
-    answer = ask(probe, "get_entity_state", entity=name)
-    assert answer.result.result == OK, answer.result.error_message
-    assert answer.state.header.frame_id == "map"
-    p = answer.state.pose.position
+    found = done(probe, "get_entity_state", entity=name).state
+    assert found.header.frame_id == "map"
+    p = found.pose.position
     return p.x, p.y, p.z
 
 
@@ -70,25 +73,24 @@ def with_mesh(name: str) -> str:
 @pytest.fixture
 def started(shared: Probe) -> Probe:
     """The shared node, as if it had been started again: earlier tests took its body ``ball`` away."""
-    scope = srv.ResetSimulation.Request.SCOPE_DEFAULT
-    assert ask(shared, "reset_simulation", scope=scope).result.result == OK
+    done(shared, "reset_simulation", scope=srv.ResetSimulation.Request.SCOPE_DEFAULT)
     return shared
 
 
 def test_entities_come_move_and_go(started: Probe) -> None:
     r = srv.SpawnEntity.Response
     assert set_state(started, SimulationState.STATE_PAUSED) == OK
-    answer = spawn(started, uri=f"file://{ROVER}", name="truck", initial_pose=placed(1.0, 2.0, 3.0, "map"))
-    assert (answer.result.result, answer.entity_name) == (OK, "truck"), answer.result.error_message
+    truck = {"uri": f"file://{ROVER}", "name": "truck", "initial_pose": placed(1.0, 2.0, 3.0, "map")}
+    assert done(started, "spawn_entity", **truck).entity_name == "truck"
     assert pose_of(started, "truck") == pytest.approx((1.0, 2.0, 3.0), abs=1e-6), "its base's frame"
     text = ROVER.read_text()
     assert spawn(started, resource_string=text, initial_pose=placed(5.0, 2.0, 3.0)).entity_name == "rover"
-    again = spawn(started, resource_string=text, allow_renaming=True, initial_pose=placed(9.0, 2.0, 3.0))
-    assert (again.result.result, again.entity_name) == (OK, "rover_1")
+    again = {"resource_string": text, "allow_renaming": True}
+    assert done(started, "spawn_entity", **again, initial_pose=placed(9.0, 2.0, 3.0)).entity_name == "rover_1"
     for end in ("x", "_1"):
-        longest = spawn(started, resource_string=text, name="x" * 256, allow_renaming=True)
-        assert longest.entity_name == "x" * (256 - len(end)) + end
-        assert ask(started, "get_entity_info", entity=longest.entity_name).result.result == OK
+        longest = spawn(started, **again, name="x" * 256).entity_name
+        assert longest == "x" * (256 - len(end)) + end
+        done(started, "get_entity_info", entity=longest)
     invalid = placed(0.0, 0.0, 0.0)
     invalid.pose.orientation.w = 0.0
     for code, fields in (
@@ -118,7 +120,7 @@ def test_entities_come_move_and_go(started: Probe) -> None:
 
     moved = msg.EntityState(pose=pose_message((3.0, 4.0, 5.0)), twist=Twist(linear=Vector3(x=1.5)))
     moved.pose.orientation.z, moved.pose.orientation.w = math.sin(0.5), math.cos(0.5)
-    assert ask(started, "set_entity_state", entity="rover", state=moved).result.result == OK
+    done(started, "set_entity_state", entity="rover", state=moved)
     assert pose_of(started, "rover") == pytest.approx((3.0, 4.0, 5.0), abs=1e-6)
     twist = ask(started, "get_entity_state", entity="rover").state.twist
     assert (twist.linear.x, twist.linear.y) == pytest.approx((1.5, 0.0), abs=1e-6)
@@ -128,7 +130,7 @@ def test_entities_come_move_and_go(started: Probe) -> None:
         assert refused.result == srv.SetEntityState.Response.INVALID_POSE
     assert pose_of(started, "rover") == pytest.approx((3.0, 4.0, 5.0), abs=1e-6)
 
-    assert ask(started, "delete_entity", entity="truck").result.result == OK
+    done(started, "delete_entity", entity="truck")
     for service in ("delete_entity", "get_entity_state", "set_entity_state", "get_entity_info", "get_entity_bounds"):
         gone = ask(started, service, entity="truck").result
         assert (gone.result, "truck" in gone.error_message) == (Result.RESULT_NOT_FOUND, True), service
@@ -147,10 +149,10 @@ def test_many_entities_come_by_one_call_and_are_described(started: Probe) -> Non
     assert [one.result.result for one in answer.results] == [OK, msg.SpawnResult.NAME_NOT_UNIQUE, OK]
     assert [one.entity_name for one in answer.results] == ["a", "", "b"]
     last = msg.SpawnEntity(name="c", entity_resource=text, initial_pose=placed(9.0, 2.0, 3.0))
-    assert ask(started, "spawn_entities", spawn_requests=[last]).result.result == OK
+    done(started, "spawn_entities", spawn_requests=[last])
 
-    states = ask(started, "get_entities_states", filters=msg.EntityFilters(filter="^[ab]$"))
-    assert (states.result.result, states.entities) == (OK, ["a", "b"])
+    states = done(started, "get_entities_states", filters=msg.EntityFilters(filter="^[ab]$"))
+    assert states.entities == ["a", "b"]
     assert [state.pose.position.x for state in states.states] == pytest.approx([5.0, 7.0], abs=1e-6)
     bounds = ask(started, "get_entity_bounds", entity="ball").bounds
     high, low = ((point.x, point.y, point.z) for point in bounds.points)
@@ -167,7 +169,7 @@ def test_entities_have_what_clients_say_of_them(started: Probe) -> None:
     infos = [ask(started, "get_entity_info", entity=name).info for name in ("rover", "ball")]
     assert [info.category for info in infos] == [machine, other]
     own = msg.EntityInfo(category=static, description="a mark", tags=["red", "round"])
-    assert ask(started, "set_entity_info", entity="ball", info=own).result.result == OK
+    done(started, "set_entity_info", entity="ball", info=own)
     assert ask(started, "get_entity_info", entity="ball").info == own
     unknown = msg.EntityInfo(category=msg.EntityCategory(category=77))
     assert ask(started, "set_entity_info", entity="ball", info=unknown).result.result == Result.RESULT_OPERATION_FAILED
@@ -181,25 +183,24 @@ def test_entities_have_what_clients_say_of_them(started: Probe) -> None:
         ([], {"tags": msg.TagsFilter(tags=["red"]), "filter": "^[^[:lower:]]"}),
     ):
         assert sorted(entities(started, **filters)) == expected, filters
-    assert ask(started, "reset_simulation", scope=srv.ResetSimulation.Request.SCOPE_ALL).result.result == OK
+    done(started, "reset_simulation", scope=srv.ResetSimulation.Request.SCOPE_ALL)
     assert ask(started, "get_entity_info", entity="ball").info == infos[1], "as at the start"
 
 
 def test_poses_are_taken_in_the_frame_of_an_entity(started: Probe) -> None:
     set_state(started, SimulationState.STATE_PAUSED)
     turned = msg.EntityState(pose=pose_message((2.0, 2.0, 9.0), math.pi / 2))
-    assert ask(started, "set_entity_state", entity="ball", state=turned).result.result == OK
-    answer = spawn(started, uri=str(ROVER), name="rover", initial_pose=placed(1.0, 0.0, 0.5, "ball"))
-    assert answer.result.result == OK, answer.result.error_message
+    done(started, "set_entity_state", entity="ball", state=turned)
+    done(started, "spawn_entity", uri=str(ROVER), name="rover", initial_pose=placed(1.0, 0.0, 0.5, "ball"))
     assert pose_of(started, "rover") == pytest.approx((2.0, 3.0, 9.5), abs=1e-6)
     moving = msg.EntityState(pose=pose_message((0.0, 1.0, 0.0)), twist=Twist(linear=Vector3(x=1.0)))
     moving.header.frame_id = "ball"
-    assert ask(started, "set_entity_state", entity="rover", state=moving).result.result == OK
+    done(started, "set_entity_state", entity="rover", state=moving)
     assert pose_of(started, "rover") == pytest.approx((1.0, 2.0, 9.0), abs=1e-6)
     linear = ask(started, "get_entity_state", entity="rover").state.twist.linear
     assert (linear.x, linear.y) == pytest.approx((0.0, 1.0), abs=1e-6)
     moving.header.frame_id = "world"  # the standard's name of the global frame, which is "map" here
-    assert ask(started, "set_entity_state", entity="rover", state=moving).result.result == OK
+    done(started, "set_entity_state", entity="rover", state=moving)
     assert pose_of(started, "rover") == pytest.approx((0.0, 1.0, 0.0), abs=1e-6)
 
 
@@ -233,7 +234,7 @@ def test_entities_are_filtered_by_name_and_place(started: Probe) -> None:
 
 def test_a_reset_has_the_scope_that_is_asked_for(started: Probe) -> None:
     def reset(scope: int) -> None:
-        assert ask(started, "reset_simulation", scope=scope).result.result == OK
+        done(started, "reset_simulation", scope=scope)
 
     with changed(started, {"bodies.timeout": 600.0}):
         set_state(started, SimulationState.STATE_PAUSED)
@@ -273,7 +274,7 @@ def test_the_simulation_plays_pauses_steps_and_stops(started: Probe, shared_node
     assert state(started) == s.STATE_STOPPED
     assert pose_of(started, "ball") == (2.0, 2.0, 9.0), "reset"
     assert set_state(started, s.STATE_PAUSED) == OK
-    assert ask(started, "step_simulation", steps=24).result.result == OK
+    done(started, "step_simulation", steps=24)
     fallen = 9.0 - 9.81 / 240.0**2 * 24 * 25 / 2
     assert pose_of(started, "ball")[2] == pytest.approx(fallen, abs=1e-6)
     assert state(started) == s.STATE_PAUSED

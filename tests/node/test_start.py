@@ -13,6 +13,7 @@ from typing import Any
 import pybullet_data
 import pytest
 import yaml
+from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet import front
@@ -215,6 +216,11 @@ def test_a_change_has_a_line_and_a_refusal_says_what_would_be_right(logged: Logg
             ("frame_id", "frame_id is fixed after the start; restart the node"),
         ):
             assert words in node.set(name, "other")
+        several = [Parameter("physics.rate", value=60.0), Parameter("terrain.motion", value="jelly")]
+        assert "terrain.motion" in node.node.set_parameters_atomically(several).reason
+        assert node.world.dt == pytest.approx(1.0 / 240.0), "all or none"
+        assert not node.set("physics.rate", 60.0) and node.set("physics.rate", 0.0)
+        assert node.world.dt == pytest.approx(1.0 / 60.0)
 
 
 def test_the_real_time_factor_is_of_the_time_that_the_loop_ran() -> None:

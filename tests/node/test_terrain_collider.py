@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 from geometry_msgs.msg import Vector3
-from rclpy.parameter import Parameter
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import TerrainMeshUpdate
 from smartmesh_msgs.srv import RemoveBody, StepPhysics
@@ -96,19 +95,6 @@ def test_a_rate_that_is_raised_holds_at_once_and_calls_for_single_steps_put_off_
             before = len(run.received(topic))
             run.run(run.time + 2.0)
             assert len(run.received(topic)) - before == pytest.approx(2 * rate, abs=2 if rate > 1 else 1)
-
-
-def test_parameters_change_at_run_time_as_a_whole_or_not_at_all() -> None:
-    with fed({"physics.rate": 120.0}) as node:
-
-        def refusal(**values: Any) -> str:
-            changes = [Parameter(name.replace("__", "."), value=value) for name, value in values.items()]
-            return str(node.node.set_parameters_atomically(changes).reason)
-
-        assert not refusal(physics__rate=60.0, bodies__default_radius=0.5)
-        assert "terrain.motion" in refusal(physics__rate=120.0, terrain__motion="jelly")
-        assert refusal(physics__rate=0.0) and refusal(frame_id="other"), "read-only"
-        assert node.world.dt == pytest.approx(1.0 / 60.0)
 
 
 TRIANGLES = grid_triangles(20, 30)
