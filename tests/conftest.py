@@ -52,7 +52,7 @@ COSTS = {
     "fuzz/test_quick.py": 8,
     "node/test_tutorial.py": 8,
     "node/test_scene.py": 8,
-    "node/test_soil.py": 7,
+    "node/test_materials.py": 7,
 }
 
 

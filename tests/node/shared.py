@@ -1,19 +1,17 @@
-"""A node that tests share: what each leaves behind is taken away."""
+"""What tests of nodes share: of a node over DDS, of one in this process, and of replays."""
 
 from __future__ import annotations
 
 import gc
-import re
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
 
 import numpy as np
-import pytest
 import rclpy
 import yaml
 from geometry_msgs.msg import TransformStamped
@@ -25,56 +23,31 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import Heightmap
-from smartmesh_msgs.srv import RemoveBodies, SpawnBody
-from std_srvs.srv import SetBool, Trigger
+from smartmesh_msgs.srv import SpawnBody
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.node.services.turns import Work
 from smartmesh_ros.node.terrain_collider import TerrainCollider
-from smartmesh_ros.node.timing.pacing import NodeClock
-from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, pose_message
+from smartmesh_ros.tools.replay.replay import Replay
+from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, heightmap_message, pose_message
+from smartmesh_ros.tools.testing.replaying import replayed
 
 LISTS = {spec.name for spec in SPECS if isinstance(spec.default, list)}
-# What is still there is taken away again after so long [s], longer than bodies are tracked by default.
-AGAIN = 1.5
+Logged = Callable[[], str]  # the fixture `logged`
 BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-NOTHING = {"simulated": "0", "tracked": "0", "patches": "0"}
 
 
-def clear(probe: Probe) -> None:
-    """Takes all bodies and all terrain away, sets the node's time to zero and lets it run, until the node says so.
+class Log:
+    """What a process says from now on."""
 
-    Parameters and counts of what was refused stay as they are.
-    """
-    assert probe.call("pause", SetBool, data=False).success
-    asked: set[str] = set()
+    def __init__(self, process: Process) -> None:
+        self._process, self._before = process, len(process.output)
 
-    def take_away(terrain: Mapping[str, str]) -> None:
-        probe.publish_bodies({})
-        probe.publish_poses([])
-        if names := body_names(probe):
-            probe.call("remove_bodies", RemoveBodies, ids=names)
-        tiles = {found[1] for key in terrain if (found := re.fullmatch(r"size of '(.*)'", key))}
-        for name in tiles - asked:  # one that is gone already would be refused, and counted
-            asked.add(name)
-            probe.publish_map(np.zeros((0, 0)), tile=name)
-        assert probe.call("reset", Trigger).success  # stamps too: the last test may have set them ahead
-
-    def empty() -> bool:
-        nonlocal due
-        found = probe.diagnostics_by_task()
-        if found["terrain"]["tiles"] == "0" and NOTHING.items() <= found["bodies"].items():
-            return True
-        if monotonic() >= due:  # a reset starts the time-outs of tracked bodies anew
-            due = monotonic() + AGAIN
-            take_away(found["terrain"])
-        return False
-
-    take_away(probe.newest_diagnostics().get("terrain", {}))  # likely all of it, a diagnostics period earlier
-    due = monotonic() + AGAIN
-    probe.wait_for(empty)
+    def lines(self, words: str) -> list[str]:
+        """Lines with these words."""
+        return [line for line in self._process.output[self._before :].splitlines() if words in line]
 
 
 def show_map(probe: Probe, heights: ArrayLike, **options: Any) -> Heightmap:
@@ -172,10 +145,8 @@ def changed(probe: Probe, parameters: Mapping[str, Any]) -> Iterator[None]:
 
 
 def refusal_at_start(parameters: Mapping[str, Any], arguments: Sequence[str] = ()) -> str:
-    """What a collider says that refuses to start with these parameters and ROS arguments, made in this process.
-
-    How the executable then ends is the test of `assert_cannot_start` in test_processes.py.
-    """
+    """What a collider says that refuses to start with these parameters and ROS arguments, made in this process. How the
+    executable then ends: test_processes.py."""
     try:
         with made_with(TerrainCollider, parameters, arguments):
             pass
@@ -206,9 +177,7 @@ def made_with(kind: Any, parameters: Mapping[str, Any], arguments: Sequence[str]
 
 class Fed:
     """A collider in this process that is given messages as its subscriptions take them, without a middleware between.
-
-    ``world``: what it simulates.
-    """
+    ``world``: what it simulates."""
 
     def __init__(self, node: TerrainCollider) -> None:
         self.node, self.world = node, node.session.world
@@ -243,7 +212,7 @@ class Fed:
     def play(
         self, now: list[float], seconds: float, period: float, give: Callable[[], None], look: Callable[[], Any] = int
     ) -> list[Any]:
-        """Runs the loop for so long [s] of the time ``now`` of `own_time`, and calls ``give`` once a period [s]; what
+        """Runs the loop for so long [s] of the fixture ``now``, and calls ``give`` once a period [s]; what
         ``look`` returns after each step."""
         found, due, end = [], now[0], now[0] + seconds
         while now[0] < end:
@@ -265,7 +234,7 @@ class Fed:
 
     def set(self, name: str, value: Any) -> str:
         """Sets a parameter; why it was refused, empty if it was not."""
-        return str(self.node.set_parameters([Parameter(name, value=value)])[0].reason)
+        return str(self.node.set_parameters_atomically([Parameter(name, value=value)]).reason)
 
     def heights(self, x: Any, y: Any) -> NDArray[np.float64]:
         """Heights of the ground now at places [m], in the shape of these."""
@@ -273,19 +242,22 @@ class Fed:
         return np.asarray(self.world.terrain.at(points, self.world.time).heights.reshape(np.shape(x)))
 
 
-def own_time(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """The time [s] by which nodes of this process run and compare stamps from now on."""
-    now = [1000.0]
-    for name in ("pace", "stamp_now"):
-        monkeypatch.setattr(NodeClock, name, lambda _: now[0])
-    return now
-
-
 @contextmanager
 def fed(parameters: Mapping[str, Any], arguments: Sequence[str] = ()) -> Iterator[Fed]:
     """A collider in this process, with these parameters and ROS arguments."""
     with made_with(TerrainCollider, parameters, arguments) as node:
         yield Fed(node)
+
+
+def on_level(parameters: Mapping[str, Any] | None = None, *more: Any, keep: Collection[str] = ()) -> Replay:
+    """A replay on level ground, 10 m wide from the origin on; ``more``: (topic, time [s], message)."""
+    return replayed([("heightmap", 0.0, heightmap_message(np.zeros((101, 101)))), *more], parameters, keep=keep)
+
+
+def told(run: Replay, task: str) -> dict[str, str]:
+    """Values of a task in the newest diagnostics of a replay that keeps them, and the task's ``message``."""
+    [found] = [status for status in run.received("/diagnostics")[-1].status if status.name.endswith(f": {task}")]
+    return {pair.key: pair.value for pair in found.values} | {"message": found.message}
 
 
 def wait_until(condition: Callable[[], object]) -> None:

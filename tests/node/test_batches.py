@@ -1,31 +1,27 @@
-"""Many bodies: by one call, all or none, and by many calls at once, each of which is answered, in turns."""
+"""Many bodies: by one call, all or none; by many calls at once, each of which is answered, in turns; by a parameter."""
 
-from collections.abc import Coroutine
-from functools import partial
-from time import monotonic
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 
-from smartmesh_ros import HeightMap, World
+from smartmesh_ros import HeightMap, Terrain, World
 from smartmesh_ros.node.inputs.conversions import shape_of_primitive, state_from
 from smartmesh_ros.node.services.turns import NextTurn, Turns, Work
-from smartmesh_ros.tools.testing import TIMEOUT, Probe, heightmap_message, pose_message
+from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
+from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
 from smartmesh_ros.tools.testing.replaying import replayed
-from tests.node.shared import BALL, box, fed, made_with, show_map
+from tests.node.shared import BALL, box, fed, show_map
+from tests.node.test_ground_services import HILLS, LOW, RESOLUTION, hills
 
 # So many messages of a thousand bodies are read in time on a busy machine, too: answers wait behind those that are not.
 SHARED = {"publish.patches": 4.0, "publish.body_states": 4.0}
-# Answers that may wait while the caller does not run: by default ROS keeps ten.
-CALLS = QoSProfile(depth=1000)
+STANDING: dict[str, Any] = {"on_ground": True, "align": True, "clearance": 0.1}
 FLAT: dict[str, Any] = {"heights": np.zeros((101, 101)), "resolution": 0.5}
 
 
@@ -40,7 +36,7 @@ def test_shapes_are_put_onto_the_ground_in_turns() -> None:
     ground = heightmap_message(0.2 * np.sin(0.2 * columns) + 0.01 * rows, resolution=0.25)
     shapes = (BALL, box(0.5, 0.3, 0.2), SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.5, 0.1]))
     bodies = [
-        specification(k, shape=shape, pose=pose_message((5.0 + 3 * k, 5.0, 0.0), 0.3 * k), on_ground=True, align=True)
+        specification(k, shape=shape, pose=pose_message((5.0 + 3 * k, 5.0, 0.0), 0.3 * k), **STANDING)
         for k, shape in enumerate(shapes)
     ]
     with fed({}) as node, World() as other:
@@ -53,7 +49,7 @@ def test_shapes_are_put_onto_the_ground_in_turns() -> None:
         assert turns[-1] > 50 * len(bodies)
         for body in bodies:
             state, shape = state_from(body.pose, body.twist), shape_of_primitive(body.shape)
-            other.spawn(body.id, shape, body.mass, state, on_ground=True, align=True)
+            other.spawn(body.id, shape, body.mass, state, **STANDING)
             found, expected = (world.state(body.id) for world in (node.world, other))
             assert found == expected
 
@@ -90,20 +86,14 @@ def test_one_bad_body_keeps_all_out_and_every_bad_one_is_named() -> None:
         assert run.world.bodies.keys() == {"body_4"}
 
 
-def answers(service: str, kind: Any, requests: list[Any]) -> list[Any]:
-    """The responses to calls that are all made before the first is answered, by a node that does nothing but call: one
-    that is busy with large messages loses answers itself."""
-    with made_with(partial(Node, "caller"), {}) as node:
-        executor = SingleThreadedExecutor(context=node.context)
-        executor.add_node(node)
-        client = node.create_client(kind, service, qos_profile=CALLS)
-        assert client.wait_for_service(TIMEOUT)
+def require_done(probe: Probe, service: str, kind: Any, requests: list[Any]) -> None:
+    """Makes all calls before the first is answered, by a probe that hears nothing else: one that is busy with large
+    messages loses answers itself."""
+    with Probe("caller") as caller:
+        client = caller.client(probe.topic(service), kind)
         futures = [client.call_async(request) for request in requests]
-        end = monotonic() + TIMEOUT
-        while not all(future.done() for future in futures) and monotonic() < end:
-            executor.spin_once(0.05)
-        assert sum(future.done() for future in futures) == len(futures)
-        return [future.result() for future in futures]
+        caller.wait_for(lambda: all(future.done() for future in futures))
+        assert all(future.result().success for future in futures)
 
 
 def simulated(probe: Probe) -> int:
@@ -111,15 +101,12 @@ def simulated(probe: Probe) -> int:
 
 
 def test_of_two_hundred_calls_in_flight_each_is_answered(shared: Probe) -> None:
-    specifications = [specification(index) for index in range(200)]
     show_map(shared, **FLAT)
-    spawns = [
-        SpawnBody.Request(id=body.id, mass=body.mass, shape=body.shape, pose=body.pose) for body in specifications
-    ]
-    assert all(answer.success for answer in answers(shared.topic("spawn_body"), SpawnBody, spawns))
+    bodies = [specification(index) for index in range(200)]
+    spawns = [SpawnBody.Request(id=body.id, mass=body.mass, shape=body.shape, pose=body.pose) for body in bodies]
+    require_done(shared, "spawn_body", SpawnBody, spawns)
     shared.wait_for(lambda: simulated(shared) == 200)
-    removals = [RemoveBody.Request(id=body.id) for body in specifications]
-    assert all(answer.success for answer in answers(shared.topic("remove_body"), RemoveBody, removals))
+    require_done(shared, "remove_body", RemoveBody, [RemoveBody.Request(id=body.id) for body in bodies])
     shared.wait_for(lambda: simulated(shared) == 0)
 
 
@@ -134,6 +121,27 @@ def test_many_bodies_come_and_go_by_one_call_each(shared: Probe) -> None:
     assert shared.call("remove_bodies", RemoveBodies, ids=[body.id for body in bodies[:990]]).success
     shared.wait_for(lambda: simulated(shared) == 10)
     shared.wait_for(lambda: len(shared.patches()) == 10)
+
+
+def test_the_parameter_spawns_bodies_once_there_is_ground_for_them() -> None:
+    bodies = [
+        "{id: low, shape: sphere, size: [0.2], mass: 1.0, xyz: [2, 2, 9.0]}",
+        "{id: high, shape: box, size: [0.2, 0.2, 0.2], xy: [3, 3], above: 1.0, yaw: 0.5}",
+        "{id: ball, shape: sphere, size: [0.3], xy: [0.2, 0.1]}",
+        "{id: box, shape: box, size: [0.5, 0.4, 0.3], xy: [3, 2], clearance: 0.1, align: true}",
+    ]
+    parameters = {"bodies.spawn": bodies, "physics.gravity": [0.0, 0.0, 0.0]}
+    message = heightmap_message(HILLS, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
+    with replayed([("heightmap", 0.0, message)], parameters) as run:
+        assert run.world.bodies.keys() == {"low"}
+        run.run(0.1)
+        ball, box, high = (run.world.state(name) for name in ("ball", "box", "high"))
+        ground = ground_samples(Terrain(hills()), checked_points([[0.2, 0.1], [3.0, 2.0], [3.0, 3.0]]), 0.0)
+        assert high.position == pytest.approx((3.0, 3.0, ground.z[2] + 1.0), abs=1e-6)
+        assert ball.position[2] - ground.z[0] == pytest.approx(0.3 / ground.normals[0, 2], abs=0.02)
+        assert box.position[2] - ground.z[1] == pytest.approx(0.25 / ground.normals[1, 2], abs=0.02)
+        x, y, _, _ = box.orientation
+        assert 1.0 - 2.0 * (x**2 + y**2) == pytest.approx(ground.normals[1, 2], abs=0.02)
 
 
 async def work(name: str, turns: int, log: list[str]) -> str:
@@ -160,18 +168,10 @@ def test_answers_take_turns_and_each_is_sent_once(lengths: list[int]) -> None:
 
 
 def test_work_that_is_given_up_ends() -> None:
-    ended: list[str] = []
-
-    async def endless() -> None:
-        try:
-            while True:
-                await NextTurn()
-        finally:
-            ended.append("closed")
-
-    turns, sent = Turns(), list[Any]()
-    made: Coroutine[Any, Any, None] = endless()
-    turns.add(Work(made), sent.append)
+    log, turns, sent = list[str](), Turns(), list[Any]()
+    endless = work("it", 100, log)
+    turns.add(Work(endless), sent.append)
     assert turns.advance()
     turns.close()
-    assert ended == ["closed"] and not turns.advance() and not sent
+    assert not turns.advance() and not sent and log == ["it"]
+    assert endless.cr_frame is None, "closed"

@@ -1,27 +1,30 @@
-"""Tracked bodies as stacks publish them; their velocities, estimated from poses; and time-outs by arrival."""
+"""Tracked bodies as stacks publish them; their shapes; their velocities, estimated from poses; time-outs by arrival."""
+
+from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseArray, PoseStamped
+from geometry_msgs.msg import PoseArray, PoseStamped, Twist, Vector3
 from hypothesis import given
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 from tf2_msgs.msg import TFMessage
 
-from smartmesh_ros import HeightMap, World
-from smartmesh_ros.ground.shapes import Box
+from smartmesh_ros import Box, Cylinder, Sphere, World
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.timing.pacing import NodeClock
 from smartmesh_ros.tools.testing import pose_message
 from tests.examples import examples
-from tests.node.shared import Fed, fed, own_time, stamped, transform_message, wait_until
+from tests.node.shared import Fed, Logged, fed, stamped, transform_message, wait_until
+from tests.world.test_tracked_shapes import ARM as TRACKED_ARM
 
 INPUTS = {
     "bodies.poses": ["arm=/arm/tip_pose", "/second/pose"],
@@ -35,17 +38,18 @@ def transform(node: Fed, parent: str, child: str, x: float, y: float, yaw: float
     return TFMessage(transforms=[transform_message(node, parent, child, (x, y, 0.0), yaw)])
 
 
-def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(
-    domain: int, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(logged: Logged) -> None:
     with fed({**INPUTS, "bodies.timeout": 0.5}) as node:
         odometry = Odometry(child_frame_id="base_link")
-        odometry.pose.pose = pose_message((-3.0, 4.0, 0.2))
-        node.give("~/tracked_odometry", stamped(node, odometry))
+        odometry.pose.pose = pose_message((-3.0, 4.0, 0.2), YAW)
+        odometry.twist.twist = Twist(linear=Vector3(x=2.0), angular=Vector3(y=0.5))
+        node.give("~/tracked_odometry", stamped(node, odometry), steps=0)
+        state = node.world.state("rover")
+        assert (state.linear, state.angular) == (pytest.approx((0.0, 2.0, 0.0)), pytest.approx((-0.5, 0.0, 0.0)))
         for topic, x, y in (("/arm/tip_pose", 1.0, 2.0), ("/second/pose", 4.0, 5.0)):
             node.give(topic, stamped(node, PoseStamped(pose=pose_message((x, y, 0.2)))))
         found = {name: place(node, name) for name in node.world.bodies}
-        assert found == {"rover": (-3.0, 4.0), "arm": (1.0, 2.0), "second.pose": (4.0, 5.0)}
+        assert found == {"rover": pytest.approx((-3.0, 4.0), abs=0.3), "arm": (1.0, 2.0), "second.pose": (4.0, 5.0)}
         ages = node.node._outputs._diagnostics._ends()[2]
         for topic in ("~/tracked_odometry", "/arm/tip_pose"):
             assert 0.0 <= float(ages[f"age of stamps on arrival, {topic} [s]"]) < 2.0
@@ -57,18 +61,18 @@ def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(
         for x in (0.0, 100.0):
             node.give("/second/pose", stamped(node, PoseStamped(pose=pose_message((x, 5.0, 0.2)))))
         assert node.node._outputs._diagnostics._bodies()[2]["jumps on /second/pose"] == 1
-        assert "the pose of 'second.pose' jumped by 100 m" in capfd.readouterr().err
+        assert "the pose of 'second.pose' jumped by 100 m" in logged()
 
 
 def place(node: Fed, name: str) -> tuple[float, float]:
     return node.world.state(name).position[:2]
 
 
-def test_poses_in_another_frame_are_transformed(domain: int, capfd: pytest.CaptureFixture[str]) -> None:
+def test_poses_in_another_frame_are_transformed(logged: Logged) -> None:
     with fed(INPUTS) as node:
         tip = PoseStamped(pose=pose_message((1.0, 0.0, 0.2)))
         node.give("/arm/tip_pose", stamped(node, tip, "odom"))
-        assert "no transform from 'odom' to 'map'" in capfd.readouterr().err
+        assert "no transform from 'odom' to 'map'" in logged()
         assert not node.world.bodies
         node.give("/tf", transform(node, "map", "odom", 2.0, 3.0, YAW))
         node.give("/arm/tip_pose", stamped(node, tip, "odom"))
@@ -87,11 +91,8 @@ def test_poses_in_another_frame_are_transformed(domain: int, capfd: pytest.Captu
             assert node.world.bodies.keys() == {"arm", "stone", *(f"body_{index}" for index in range(count))}
 
 
-def test_each_body_that_times_out_is_named(
-    domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_each_body_that_times_out_is_named(now: list[float], monkeypatch: pytest.MonkeyPatch, logged: Logged) -> None:
     """Also those that follow another within the pause of that line in the log."""
-    now = own_time(monkeypatch)
     monkeypatch.setattr(NodeClock, "steady", lambda _: now[0])
     with fed({"bodies.timeout": 0.5}) as node:
         for name in ("first", "second"):
@@ -101,11 +102,11 @@ def test_each_body_that_times_out_is_named(
         now[0] += LOG_PERIOD
         node.run(1)
         assert not node.world.bodies
-    lines = [line for line in capfd.readouterr().err.splitlines() if "bodies.timeout" in line]
+    lines = [line for line in logged().splitlines() if "bodies.timeout" in line]
     assert [line.partition(": removed ")[2] for line in lines] == ["'first'", "'second'"]
 
 
-def test_frames_of_tf_are_bodies(domain: int) -> None:
+def test_frames_of_tf_are_bodies() -> None:
     frames = ["robot1/base_link", "foot=robot1/foot", "post"]
     with fed({"bodies.frames": frames, "bodies.timeout": 0.5, "frame_id": "map"}) as node:
         foot = transform_message(node, "robot1/base_link", "robot1/foot", (1.0, 0.0, 0.0))
@@ -133,10 +134,9 @@ def test_frames_of_tf_are_bodies(domain: int) -> None:
 
 @pytest.mark.parametrize("looped", [True, False])
 def test_frames_whose_stamps_start_over_or_are_missing_stay_bodies(
-    domain: int, capfd: pytest.CaptureFixture[str], looped: bool, monkeypatch: pytest.MonkeyPatch
+    logged: Logged, looped: bool, now: list[float]
 ) -> None:
     """A recording of three seconds in a loop without a clock, and transforms typed by hand."""
-    now = own_time(monkeypatch)
     frames = {"bodies.frames": ["rover=base_link"], "decks": ["{deck: raft, frame: base_link}"]}
     with fed({**frames, "frame_id": "map", "bodies.timeout": 60.0, "physics.rate": 60.0}) as node:
         for number in range(75):
@@ -147,7 +147,7 @@ def test_frames_whose_stamps_start_over_or_are_missing_stay_bodies(
             node.play(now, 0.1, math.inf, lambda: None)
             assert node.world.bodies.keys() == {"rover"}
         words = "s older, as if the clock of its source was set back" if looped else "on /tf have no stamp"
-        assert words in capfd.readouterr().err
+        assert words in logged()
         refused = node.node.refusals.counts
         assert refused.total() == refused["/tf: stamp_backwards"] == 2 * looped
         assert node.world.terrain.deck("raft").frame(node.world.time).position[0] == pytest.approx(0.7, abs=0.2)
@@ -162,21 +162,15 @@ FACE = 0.85  # of the box, along x [m]
 RADIUS = 0.4
 
 
-@pytest.fixture
-def world() -> Iterator[World]:
-    with World(HeightMap(np.zeros((41, 41)), resolution=0.5, origin=(-10.0, -10.0))) as made:
-        yield made
-
-
 def pose(x: float, y: float = 0.0, yaw: float = 0.0) -> BodyState:
     return BodyState((x, y, RADIUS), (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)))
 
 
-def run(world: World, tracking: Tracking, states: list[BodyState], rate: float) -> float:
+def run(world: World, states: list[BodyState], rate: float) -> float:
     """Tracks a rover through the states at a rate [Hz]; the fastest that the box was [m/s]."""
     world.spawn("box", Box(0.3, 0.6, 0.6), 5.0, BodyState((FACE + 0.15, 0.0, 0.3)))
     world.step(60)
-    fastest = 0.0
+    tracking, fastest = Tracking(world, 60.0), 0.0
     for number, state in enumerate(states):
         tracking.update("rover", RADIUS, state, number / rate)
         for _ in range(round(240 / rate)):
@@ -191,28 +185,24 @@ def test_a_jump_of_a_pose_pushes_nothing_that_the_body_does_not_touch(world: Wor
     """As by a loop closure, there and back: velocities of up to 30 m/s."""
     n = round(rate)
     states = [*[pose(0.0)] * n, *[pose(jump)] * n, *[pose(0.0)] * n, *[pose(jump, yaw=3.0)] * n]
-    assert run(world, Tracking(world, 60.0), states, rate) < 0.01
+    assert run(world, states, rate) < 0.01
 
 
 def test_a_body_that_drives_pushes_with_its_velocity(world: World) -> None:
-    states = [pose(0.01 * k) for k in range(100)]
-    run(world, Tracking(world, 60.0), states, 48.0)
+    run(world, [pose(0.01 * k) for k in range(100)], 48.0)
     assert world.state("box").linear[0] == pytest.approx(0.48, abs=0.05)
-    assert world.state("rover").linear == pytest.approx((0.48, 0.0, 0.0))
 
 
 @examples(30)
 @given(st.floats(0.1, 5.0), st.floats(-1.0, 1.0), st.floats(-math.pi, math.pi), st.floats(5.0, 60.0))
 def test_steady_motion_keeps_its_velocity(speed: float, spin: float, course: float, rate: float) -> None:
     """On a circle, from whichever direction."""
-    with World(HeightMap(np.zeros((3, 3)), resolution=50.0, origin=(-50.0, -50.0))) as world:
-        tracking = Tracking(world, 60.0)
-        x = y = 0.0
+    with World() as world:
+        tracking, x, y = Tracking(world, 60.0), 0.0, 0.0
         for number in range(6):
             yaw = course + spin * number / rate
             tracking.update("rover", 0.2, pose(x, y, yaw), number / rate)
-            x += speed * math.cos(yaw) / rate
-            y += speed * math.sin(yaw) / rate
+            x, y = x + speed * math.cos(yaw) / rate, y + speed * math.sin(yaw) / rate
         state = world.state("rover")
         assert math.hypot(*state.linear) == pytest.approx(speed, rel=0.03)
         assert state.angular[2] == pytest.approx(spin, abs=1e-6)
@@ -253,3 +243,41 @@ def test_a_body_that_is_heard_of_neither_stops_nor_goes_however_old_its_poses_ar
             assert tracking.expire(heard + 0.99 / rate) == []
             assert world.state("rover").linear == (1.0, 0.0, 0.0)
         assert tracking.expire(heard + 0.51) == ["rover"]
+
+
+def test_shapes_come_from_the_message_or_else_from_the_parameter() -> None:
+    entries = ["{body: crate, shape: box, size: [1, 0.5, 0.5]}", "{body: drum, shape: cylinder, size: [0.4, 0.2]}"]
+    with fed({"bodies.shapes": entries, "bodies.poses": ["drum=/drum"], "frame_id": "map"}) as node:
+        bodies = [TrackedBody(id="crate"), TrackedBody(id="ball", radius=0.2)]
+        node.give("tracked_bodies", stamped(node, TrackedBodyArray(bodies=bodies)))
+        node.give("/drum", stamped(node, PoseStamped()))
+        shapes = {name: body.shape for name, body in node.world.bodies.items()}
+        assert shapes["crate"] == Box(1.0, 0.5, 0.5)
+        assert shapes["drum"] == Cylinder(height=0.4, radius=0.2)
+        assert isinstance(shapes["ball"], Sphere)
+        bodies = [TrackedBody(id="crate", shape=TrackedBody.SHAPE_BOX, dimensions=np.array([2, 2, 2], np.float32))]
+        node.give("tracked_bodies", stamped(node, TrackedBodyArray(bodies=bodies)))
+        assert node.world.bodies["crate"].shape == Box(2.0, 2.0, 2.0)
+        flat = TrackedBody(id="a", shape=1, dimensions=np.array([1, 0, 1], np.float32))
+        for reason, body in (("shape", TrackedBody(id="a", shape=7)), ("geometry", flat)):
+            node.require_refused("tracked_bodies", [(reason, stamped(node, TrackedBodyArray(bodies=[body])))])
+
+
+def test_a_tracked_robot_follows_its_root_and_its_joints(tmp_path: Path) -> None:
+    file = tmp_path / "arm.urdf"
+    file.write_text(TRACKED_ARM)
+    parameters = {"bodies.shapes": [f"{{body: rig, urdf: {file}}}"], "bodies.odometry": ["rig=/rig"], "frame_id": "map"}
+    with fed(parameters) as node:
+        joints = JointState(name=["rig/yaw", "reach", "elsewhere"], position=[0.5, 0.2, 1.0], velocity=[2.0, 0.0, 9.0])
+        node.give("tracked_joint_states", joints)
+        message = stamped(node, Odometry())
+        message.pose.pose = pose_message((1.0, 0.0, 0.5))
+        message.twist.twist = Twist(linear=Vector3(x=0.3))
+        node.give("/rig", message, 0)
+        assert node.world.bodies.keys() == {"rig.base", "rig.arm", "rig.hand"}
+        hand = node.world.state("rig.hand")
+        out = np.array([math.cos(0.5), math.sin(0.5), 0.0])
+        np.testing.assert_allclose(hand.position, (1.0, 0.0, 0.9) + 1.25 * out, atol=1e-4)
+        np.testing.assert_allclose(hand.linear, (0.3, 0.0, 0.0) + 2.5 * np.array([-out[1], out[0], 0.0]), atol=1e-4)
+        bad = [("length", JointState(name=["yaw"])), ("non_finite", JointState(name=["yaw"], position=[math.nan]))]
+        node.require_refused("tracked_joint_states", bad)

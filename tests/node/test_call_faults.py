@@ -17,11 +17,11 @@ from rclpy.subscription import Subscription
 from smartmesh_msgs.msg import BodySpecification, ColliderPatchArray
 from smartmesh_msgs.srv import RemoveBodies, SpawnBodies
 
-from smartmesh_ros import BodyState, Box, HeightMap
+from smartmesh_ros import BodyState, Box
 from smartmesh_ros.node.outputs import audience, transform_outputs
-from smartmesh_ros.node.terrain_collider import TerrainCollider
 from tests.faults import Faults, bullet_faults
-from tests.node.shared import BALL, made_with
+from tests.grounds import level
+from tests.node.shared import BALL, Fed, fed
 from tests.node.test_robot_outputs import ARM
 from tests.urdfs import robot
 
@@ -67,30 +67,30 @@ def wire(monkeypatch: pytest.MonkeyPatch) -> Wire:
 
 
 @pytest.fixture
-def node(domain: int) -> Iterator[TerrainCollider]:
+def node() -> Iterator[Fed]:
     """A node with a map, a tracked ball and a robot."""
-    with made_with(TerrainCollider, PARAMETERS) as made:
-        world = made.session.world
-        world.terrain.put("", HeightMap(np.zeros((61, 61)), resolution=0.1, origin=(-3.0, -3.0)))
-        world.spawn_robot("arm", robot(ARM), BodyState((0.0, 0.0, 0.1)))
-        world.track("ball", 0.2, BodyState((1.0, 0.0, 0.1)))
+    with fed(PARAMETERS) as made:
+        made.world.terrain.put("", level(61))
+        made.world.spawn_robot("arm", robot(ARM), BodyState((0.0, 0.0, 0.1)))
+        made.world.track("ball", 0.2, BodyState((1.0, 0.0, 0.1)))
         yield made
 
 
-def failures(node: TerrainCollider) -> Counter[str]:
-    return Counter({key: count for key, count in node.refusals.counts.items() if key.endswith((": dds", ": pybullet"))})
+def failures(node: Fed) -> Counter[str]:
+    counts = node.node.refusals.counts.items()
+    return Counter({key: count for key, count in counts if key.endswith((": dds", ": pybullet"))})
 
 
-def publish_all(node: TerrainCollider) -> None:
+def publish_all(node: Fed) -> None:
     """Runs a step and publishes every output, due or not."""
-    outputs = node._outputs
+    outputs = node.node._outputs
     outputs._diagnostics._due = outputs._descriptions._due = outputs._robot_model._due = 0.0
     outputs._descriptions._sent = outputs._robot_model._sent = None
-    node.step(1)
+    node.node.step(1)
 
 
-def test_an_output_that_fails_stops_no_other(wire: Wire, node: TerrainCollider) -> None:
-    node.pause(True)
+def test_an_output_that_fails_stops_no_other(wire: Wire, node: Fed) -> None:
+    node.node.pause(True)
     publish_all(node)
     everything = wire.topics()
     assert len(everything) == 13, everything
@@ -107,7 +107,7 @@ def test_an_output_that_fails_stops_no_other(wire: Wire, node: TerrainCollider) 
     assert wire.topics() == everything
 
 
-def test_changes_that_were_not_sent_are_sent_again(wire: Wire, node: TerrainCollider) -> None:
+def test_changes_that_were_not_sent_are_sent_again(wire: Wire, node: Fed) -> None:
     """Of patches, and descriptions."""
 
     def has_all() -> bool:
@@ -118,7 +118,7 @@ def test_changes_that_were_not_sent_are_sent_again(wire: Wire, node: TerrainColl
         assert message.incremental or len(message.patches) == 2
         return not message.incremental
 
-    node.pause(True)
+    node.node.pause(True)
     assert has_all()
     assert not has_all()
     for number in wire.faults.runs():
@@ -128,99 +128,83 @@ def test_changes_that_were_not_sent_are_sent_again(wire: Wire, node: TerrainColl
         all_again = has_all()
         assert lost or not all_again
         assert all_again or not (lost and wire.faults.fired == "publish")
-    descriptions = node._outputs._descriptions
+    descriptions = node.node._outputs._descriptions
     for number in wire.faults.runs():
         descriptions._due, descriptions._sent = 0.0, None
-        with wire.faults.failing(number), node.session.enduring("body_descriptions"):
+        with wire.faults.failing(number), node.node.session.enduring("body_descriptions"):
             descriptions.publish()
         descriptions._due = 0.0
         descriptions.publish()
         assert wire.topics() == {"/terrain_collider/body_descriptions"}
 
 
-def test_a_tick_in_which_pybullet_fails_is_counted(node: TerrainCollider, monkeypatch: pytest.MonkeyPatch) -> None:
-    faults, world = bullet_faults(monkeypatch), node.session.world
+def test_a_tick_in_which_pybullet_fails_is_counted(node: Fed, monkeypatch: pytest.MonkeyPatch) -> None:
+    faults, world = bullet_faults(monkeypatch), node.world
     for number in faults.runs():
         before = failures(node)
         world.terrain.tile("").replace(np.full((61, 61), 0.001 * (number % 2)), time=world.time)
         with faults.failing(number):
-            node.tick()
+            node.run(1)
         assert (failures(node) - before).total() == (faults.fired != "")
     time = world.time
-    node.tick()
-    assert world.time > time
-    assert not world.lost
+    node.run(1)
+    assert world.time > time and not world.lost
+
+
+def spawn_boxes(node: Fed) -> None:
+    for y, name in enumerate(("box", "other"), 1):
+        node.world.spawn(name, Box(0.2, 0.2, 0.2), 1.0, BodyState((0.0, y, 0.1)))
 
 
 def test_bodies_that_are_not_removed_are_named_and_the_others_are_gone(
-    node: TerrainCollider, monkeypatch: pytest.MonkeyPatch
+    node: Fed, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    faults, session = bullet_faults(monkeypatch), node.session
+    faults, tracking = bullet_faults(monkeypatch), node.node.session.tracking
     for number in faults.runs():
-        session.world.spawn("box", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.0, 1.0, 0.1)))
-        session.world.spawn("other", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.0, 2.0, 0.1)))
-        session.tracking.update("ball", 0.2, BodyState((1.0, 0.0, 0.1)), 0.0)
-        answer, names = RemoveBodies.Response(), ["box", "ball", "other"]
+        spawn_boxes(node)
+        tracking.update("ball", 0.2, BodyState((1.0, 0.0, 0.1)), 0.0)
+        names = ["box", "ball", "other"]
         with faults.failing(number):
-            answered(node, node._body_services._on_remove_all, RemoveBodies.Request(ids=names), answer)
-        still = [name for name in names if name in session.world.bodies]
+            answer = node.call("remove_bodies", RemoveBodies.Request(ids=names))
+        still = [name for name in names if name in node.world.bodies]
         assert [failure.id for failure in answer.failures] == still
         assert answer.success == (not still) == (not faults.fired)
         assert ("but the others are removed" in answer.message) == bool(still)
         assert all(faults.fired in failure.reason for failure in answer.failures)
-        assert session.tracking.names == (["ball"] if "ball" in still else [])
-        if still:
-            answered(node, node._body_services._on_remove_all, RemoveBodies.Request(ids=still), answer)
-            assert answer.success
-            assert session.tracking.names == []
+        assert tracking.names == (["ball"] if "ball" in still else [])
+        assert not still or node.call("remove_bodies", RemoveBodies.Request(ids=still)).success
+        assert tracking.names == []
 
 
-def test_bodies_that_are_not_spawned_are_taken_back_or_named(
-    node: TerrainCollider, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bodies_that_are_not_spawned_are_taken_back_or_named(node: Fed, monkeypatch: pytest.MonkeyPatch) -> None:
     """One of them is taken, so that the other must be removed again."""
-    faults, world = bullet_faults(monkeypatch), node.session.world
+    faults = bullet_faults(monkeypatch)
     bodies = [BodySpecification(id=name, mass=1.0, shape=BALL) for name in ("new", "arm")]
     for number in faults.runs():
         with faults.failing(number):
-            request, answer = SpawnBodies.Request(bodies=bodies), SpawnBodies.Response()
-            answered(node, node._body_services._on_spawn_all, request, answer)
+            answer = node.call("spawn_bodies", SpawnBodies.Request(bodies=bodies))
         assert not answer.success
         assert "arm" in [failure.id for failure in answer.failures]
-        stays = "new" in world.bodies
+        stays = "new" in node.world.bodies
         assert ("some were added and stay, because PyBullet failed: new" in answer.message) == stays
         assert ("so nothing was changed" in answer.message) == (not stays)
         if stays:
-            world.remove("new")
+            node.world.remove("new")
 
 
-def test_a_reset_that_fails_names_the_bodies_that_are_not_back(
-    node: TerrainCollider, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    faults, world = bullet_faults(monkeypatch), node.session.world
-    world.spawn("box", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.0, 1.0, 0.1)))
-    world.spawn("other", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.0, 2.0, 0.1)))
+def test_a_reset_that_fails_names_the_bodies_that_are_not_back(node: Fed, monkeypatch: pytest.MonkeyPatch) -> None:
+    faults, world = bullet_faults(monkeypatch), node.world
+    spawn_boxes(node)
     for number in faults.runs():
         for name in ("box", "other", "arm"):
             world.move(name, BodyState((0.0, 0.0, 5.0), linear=(1.0, 0.0, 0.0)))
         refusal = ""
         with faults.failing(number):
             try:
-                node.reset()
+                node.node.reset()
             except pb.error as error:
                 refusal = str(error)
-        assert bool(refusal) == bool(faults.fired)
-        assert faults.fired in refusal
+        assert bool(refusal) == bool(faults.fired) and faults.fired in refusal
         for name in ("box", "other", "arm"):
             assert world.state(name) == world.bodies[name].initial or f"'{name}'" in refusal
-        node.reset()
-
-
-def answered(node: TerrainCollider, handle: Any, request: Any, response: Any) -> Any:
-    """Do all turns of an answer."""
-    steps = node.session.answered("service", handle, request, response)
-    try:
-        while True:
-            steps.send(None)
-    except StopIteration as end:
-        return end.value
+        node.node.reset()

@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Iterator
+from operator import itemgetter
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,20 +31,13 @@ def client(shared: Probe) -> Iterator[PatchClient]:
 def test_a_patch_is_moved_on_with_its_ground_and_grows_old(client: PatchClient) -> None:
     rise, tilt = 0.4, 0.1  # [m/s], and [m/s] more for each metre along x
     x = np.tile(np.arange(50) * RESOLUTION, (50, 1))
-    assert client.age() == math.inf
-    assert client.patches() == {}
+    assert (client.age(), client.patches()) == (math.inf, {})
     client._on_bytes(b"\x00\x01\x00\x00\x07")
     assert (client.received, client.refused) == (0, 1), "bytes that are no message change nothing"
     body = TrackedBody(id="left", pose=pose_message((1.0, 1.0, 0.5)), radius=0.5)
-    given = [
-        message
-        for time in np.arange(0.0, 1.0, 0.05)
-        for message in (
-            ("heightmap", time, heightmap_message((rise + tilt * x) * time, resolution=RESOLUTION)),
-            ("tracked_bodies", time, TrackedBodyArray(bodies=[body])),
-        )
-    ]
-    with replayed(given, keep=["collider_patches"]) as run:
+    given: list[Any] = [("tracked_bodies", time, TrackedBodyArray(bodies=[body])) for time in np.arange(0.0, 1.0, 0.05)]
+    given += [("heightmap", t, heightmap_message((rise + tilt * x) * t, resolution=RESOLUTION)) for _, t, _ in given]
+    with replayed(sorted(given, key=itemgetter(1)), keep=["collider_patches"]) as run:
         run.run()
         client._on_bytes(serialize_message(run.received("collider_patches")[-1]))
     stamp = client.patch("left").stamp
@@ -53,11 +48,8 @@ def test_a_patch_is_moved_on_with_its_ground_and_grows_old(client: PatchClient) 
         return float(np.abs(z - (rise + tilt * x) * (stamp + later)).max())
 
     patch = client.patch("left", stamp)
-    assert patch.kind == "heightfield"
-    assert patch.shape is not None
-    assert math.prod(patch.shape) == len(patch.vertices_w)
-    assert patch.triangles.max() < len(patch.vertices_w)
-    assert (patch.stride, patch.deviation) == (1, 0.0)
+    assert (patch.kind, patch.stride, patch.deviation) == ("heightfield", 1, 0.0)
+    assert math.prod(patch.shape) == len(patch.vertices_w) > patch.triangles.max()
     assert patch.angular_w[1] == pytest.approx(-tilt, abs=0.01)
     # Wherever it is moved to in time, it lies on the plane that rises and tilts; the control, not moved, does not.
     for later in (0.0, 0.05, 0.2):

@@ -9,16 +9,13 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros import BodyState, Sphere
-from smartmesh_ros.node.outputs import transform_outputs
-from smartmesh_ros.tools.testing import COLLIDER, Probe, Process, heightmap_message
-from smartmesh_ros.tools.testing.replaying import replayed
+from smartmesh_ros.tools.testing import COLLIDER, Probe, heightmap_message
 from smartmesh_ros.world.joints import JointCommand
-from tests.node.shared import Fed, changed, fed, own_time, seconds, spawn, transform_message
+from tests.node.shared import Fed, Log, Logged, changed, fed, on_level, seconds, spawn, transform_message
 from tests.urdfs import joint, link, robot
 
 HEIGHT, GRAVITY, STEP = 1000.0, 9.81, 1 / 240
@@ -45,7 +42,7 @@ def set_clock(node: Fed, time: float) -> None:
         node.node.tick(node.node.pacer.advance())
 
 
-def test_with_use_sim_time_the_physics_follows_the_clock(domain: int) -> None:
+def test_with_use_sim_time_the_physics_follows_the_clock() -> None:
     """In bursts, as its messages come. Over DDS: test_fleet.py."""
     with fed({"use_sim_time": True}) as node:
         node.node.pacer.restart()
@@ -61,9 +58,7 @@ def test_with_use_sim_time_the_physics_follows_the_clock(domain: int) -> None:
         assert node.node.pacer.misses == 0
 
 
-def test_a_map_that_comes_before_the_first_message_of_the_clock_is_of_no_other_clock(
-    domain: int, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_map_that_comes_before_the_first_message_of_the_clock_is_of_no_other_clock(logged: Logged) -> None:
     with fed({"use_sim_time": True}) as node:
         message = heightmap_message(np.zeros((10, 10)))
         for first, words in ((100.0, False), (200.0, True)):  # the second one is ahead of a clock that runs
@@ -72,7 +67,7 @@ def test_a_map_that_comes_before_the_first_message_of_the_clock_is_of_no_other_c
             set_clock(node, first)
             message.header.stamp = stamp_of(first + 0.01)
             node.give("heightmap", message, steps=0)
-            said = capfd.readouterr().err
+            said = logged()
             assert ("s ahead of this node's clock" in said) == words and "set use_sim_time" not in said
         assert not node.node.refusals.counts
 
@@ -98,50 +93,33 @@ def test_maps_that_overtake_the_clock_of_their_tick_keep_the_velocity_of_the_gro
 
 
 @pytest.mark.parametrize(("interval", "rate"), [(0.001, 50.0), (0.1, 48.0)])
-def test_each_state_has_its_own_stamp_and_rates_count_simulated_time(
-    probe: Probe, monkeypatch: pytest.MonkeyPatch, interval: float, rate: float
-) -> None:
-    """What flies at 1 m/s is where its stamps say, however many steps a message of the clock releases; as fast as the
-    machine can."""
-    monkeypatch.setattr(transform_outputs, "LISTENING_TIME", 0.0)
+def test_each_state_has_its_own_stamp_and_rates_count_simulated_time(interval: float, rate: float) -> None:
+    """What flies at 1 m/s is where its stamps say, however many steps a message of the clock releases."""
     parameters = {
-        "use_sim_time": True, "physics.gravity": [0.0, 0.0, 0.0], "frame_id": "map", "publish.body_states": rate,
-        "publish.tf": 20.0,
+        "use_sim_time": True, "physics.gravity": [0.0, 0.0, 0.0], "publish.body_states": rate, "publish.tf": 20.0,
     }  # fmt: skip
-    kinds = {"body_states": TrackedBodyArray, "odometry": Odometry, "joint_states": JointState, "/tf": TFMessage}
-    with fed(parameters) as node:
-        found = {topic: probe.listen(topic, kind, 1000) for topic, kind in kinds.items()}
-        node.world.spawn_robot("sled", SLED)
-        node.world.move("sled", BodyState((0.0, 0.0, 2.0), linear=(1.0, 0.0, 0.0)))
-        node.world.command("sled", "j", JointCommand(velocity=0.5))
-        topics = {probe.topic(topic) for topic in kinds}
+    clock = [("/clock", k * interval, Clock(clock=stamp_of(1000.0 + k * interval))) for k in range(round(5 / interval))]
+    with on_level(parameters, *clock, keep=["body_states", "odometry", "joint_states", "/tf"]) as run:
+        run.world.spawn_robot("sled", SLED)
+        run.world.move("sled", BodyState((0.0, 0.0, 2.0), linear=(1.0, 0.0, 0.0)))
+        run.world.command("sled", "j", JointCommand(velocity=0.5))
+        run.run()
 
-        def matched() -> bool:
-            set_clock(node, 1000.0)
-            ends = [end for end in node.node.publishers if end.topic_name in topics]
-            return len(ends) == len(topics) and all(end.get_subscription_count() for end in ends)
+        def require(found: list[tuple[Any, float]], speed: float, rate: float) -> None:
+            """Stamps and places along x."""
+            t, x = np.array([(seconds(stamp), x) for stamp, x in found if seconds(stamp) > 1002.0]).T
+            assert np.ptp(x - speed * t) < 3e-4, "a step is 4 mm"
+            assert np.diff(t) == pytest.approx(1.0 / rate, abs=1.01 * STEP if rate < 240.0 else 1e-6)
+            assert len(t) == pytest.approx((t[-1] - 1002.0) * rate, abs=2) and t[-1] > 1004.7
 
-        node.run(30)  # until the joint has its speed
-        probe.wait_for(matched)
-        for k in range(round(2.0 / interval)):
-            set_clock(node, 1000.0 + (k + 1) * interval)
-            probe.spin(0.0)
-        probe.wait_for(lambda: seconds(found["odometry"][-1].header.stamp) > 1002.0 - 1.0 / rate - STEP)
-        probe.wait_for(lambda: seconds(found["/tf"][-1].transforms[0].header.stamp) > 1001.9)
-
-        def require(stamps: list[Any], x: list[float], speed: float, rate: float) -> None:
-            t = np.array([seconds(stamp) for stamp in stamps])
-            assert np.ptp(np.array(x) - speed * t) < 1e-4
-            assert np.diff(t)[1:] == pytest.approx(1.0 / rate, abs=1.01 * STEP if rate < 240.0 else 1e-6)
-            assert len(t) == pytest.approx(2.0 * rate, abs=2)
-
-        poses, joints, frames = found["odometry"], found["joint_states"], [m.transforms[0] for m in found["/tf"]]
-        states = [message for message in found["body_states"] if message.bodies]
-        require([m.header.stamp for m in poses], [m.pose.pose.position.x for m in poses], 1.0, rate)
-        require([m.header.stamp for m in joints], [m.position[0] for m in joints], 0.5, rate)
-        require([m.header.stamp for m in frames], [m.transform.translation.x for m in frames], 1.0, 20.0)
-        require([m.header.stamp for m in states], [m.bodies[0].pose.position.x for m in states], 1.0, rate)
-        assert {message.ahead for message in states} == {0.0}
+        frames = [message.transforms[0] for message in run.received("/tf")]
+        states = [(one.header.stamp, one.bodies[0].pose) for one in run.received("body_states") if one.bodies]
+        require([(stamp, pose.position.x) for stamp, pose in states], 1.0, rate)
+        require([(one.header.stamp, one.pose.pose.position.x) for one in run.received("odometry")], 1.0, rate)
+        joints = [one for one in run.received("joint_states") if one.position]
+        require([(one.header.stamp, one.position[0]) for one in joints], 0.5, rate)
+        require([(one.header.stamp, one.transform.translation.x) for one in frames], 1.0, 20.0)
+        assert {message.ahead for message in run.received("body_states")} == {0.0}
 
 
 def test_what_waits_for_a_clock_says_so_and_publishes_to_new_subscribers_and_after_calls_alone(probe: Probe) -> None:
@@ -173,15 +151,14 @@ def test_the_diagnostics_compare_the_physics_with_the_clock_that_it_follows(spee
     """A simulator that is slower than real time is no fault of the node. None: jumps of more than a step may follow."""
     times = [100.0 + (speed * k / 50 if speed else 2.5 * (k // 25)) for k in range(300)]
     clock = [("/clock", k / 50, Clock(clock=stamp_of(time))) for k, time in enumerate(times)]
-    ground = ("heightmap", 0.0, heightmap_message(np.zeros((10, 10))))
-    with replayed([ground, *clock], {"use_sim_time": True}, keep=["/diagnostics"]) as run:
+    with on_level({"use_sim_time": True}, *clock, keep=["/diagnostics"]) as run:
         run.run()
         found = [of.message for it in run.received("/diagnostics")[3:] for of in it.status if "physics" in of.name]
         assert len(found) > 1 and all(words in message for message in found)
 
 
 @pytest.mark.parametrize("straggles", [False, True])
-def test_nothing_of_before_stays_when_the_clock_goes_back(domain: int, straggles: bool) -> None:
+def test_nothing_of_before_stays_when_the_clock_goes_back(straggles: bool) -> None:
     """A recording in a loop with its clock: bodies of its end go after the time-out, and a message of its end that
     arrives after the jump shuts no later ones out, on any topic."""
     parameters = {
@@ -230,19 +207,14 @@ def test_nothing_of_before_stays_when_the_clock_goes_back(domain: int, straggles
         assert node.world.terrain.tiles[""].version == updates + 30
 
 
-def test_clock_is_simulated_time_and_so_are_the_stamps(shared: Probe) -> None:
-    clocks = shared.listen("/clock", Clock)
-    with changed(shared, {"publish.clock": 240.0}):
-        spawn(shared, "ball", (0.0, 0.0, HEIGHT))
-        states = shared.received[shared.topic("body_states")]
-        shared.wait_for(lambda: len(clocks) > 200 and states[-1].bodies and fallen(states[-1]) > 1.0)
-        times = [seconds(message.clock) for message in clocks]
-        assert times == sorted(times)
-        assert times[-1] < 1e6, "simulated time starts at zero, not at the epoch"
-        first, last = next(one for one in states if one.bodies), states[-1]
-        simulated = seconds(last.header.stamp) - seconds(first.header.stamp)
-        assert simulated == pytest.approx(fallen(last) - fallen(first), abs=2 * STEP)
-        assert times[0] <= seconds(last.header.stamp) <= times[-1] + 1.0
+def test_clock_is_simulated_time_and_so_are_the_stamps() -> None:
+    spawned = f"{{id: ball, shape: sphere, size: [0.2], xyz: [0, 0, {HEIGHT}]}}"
+    with on_level({"publish.clock": 240.0, "bodies.spawn": [spawned]}, keep=["/clock", "body_states"]) as run:
+        run.run(2.0)
+        times = [seconds(message.clock) for message in run.received("/clock")]
+        assert times == sorted(times) and times[0] < 1.0 and times[-1] == pytest.approx(2.0, abs=2 * STEP)
+        states = run.received("body_states")
+        assert [seconds(one.header.stamp) for one in states] == pytest.approx([*map(fallen, states)], abs=2 * STEP)
 
 
 def test_stamps_are_of_another_clock_once_the_node_publishes_its_own() -> None:
@@ -256,9 +228,7 @@ def test_stamps_are_of_another_clock_once_the_node_publishes_its_own() -> None:
         assert not node.node.refusals.counts
 
 
-def test_the_node_is_silent_while_another_publishes_the_clock(
-    shared: Probe, shared_node: tuple[Probe, Process]
-) -> None:
+def test_the_node_is_silent_while_another_publishes_the_clock(shared: Probe, log: Log) -> None:
     clocks: list[Clock] = []
     shared.node.create_subscription(Clock, "/clock", clocks.append, 100)
     with changed(shared, {"publish.clock": 100.0}):
@@ -266,7 +236,7 @@ def test_the_node_is_silent_while_another_publishes_the_clock(
         rival = shared.node.create_publisher(Clock, "/clock", 10)
         shared.wait_for(lambda: "silent on /clock" in shared.diagnostics("connections")["message"])
         shared.wait_for(lambda: shared.diagnostics("connections")["/clock is also published by"] == "/probe")
-        shared.wait_for(lambda: "published by /probe already" in shared_node[1].output)
+        shared.wait_for(lambda: log.lines("published by /probe already"))
         clocks.clear()
         shared.latest("/diagnostics")
         assert not clocks
@@ -275,9 +245,8 @@ def test_the_node_is_silent_while_another_publishes_the_clock(
         shared.wait_for(lambda: "silent" not in shared.diagnostics("connections")["message"])
 
 
-def test_an_overloaded_node_goes_on_by_its_policy(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_overloaded_node_goes_on_by_its_policy(now: list[float]) -> None:
     """With *skip* simulated time does not fall behind although bodies do. What each policy does: test_pacing.py."""
-    now = own_time(monkeypatch)
     with fed({"physics.deadline": "skip", "physics.gravity": [0.0, 0.0, 0.0]}) as node:
         node.node.pacer.restart()
         node.world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 2.0), linear=(1.0, 0.0, 0.0)))

@@ -66,12 +66,11 @@ def test_nodes_that_are_discovered_one_after_the_other_are_listed(
 def test_bodies_are_spawned_listed_and_removed(shared: Probe, smartmesh: Command, tmp_path: Path) -> None:
     """The node is the only one, so that it need not be named."""
     show_map(shared, np.zeros((60, 60)))
-    assert smartmesh("spawn", "ball", "--sphere", "0.3", "--at", "1", "2", "--mass", "2") == "ball is there"
-    assert (
-        smartmesh("spawn", "crate", "--box", "0.6", "0.4", "0.2", "--at", "3", "3", "--yaw", "0.5") == "crate is there"
-    )
-    assert smartmesh("spawn", "can", "--cylinder", "0.8", "0.25", "--at", "5", "1") == "can is there"
-    assert smartmesh("spawn", "pill", "--capsule", "0.5", "0.1", "--at", "5", "5", "--z", "0.35") == "pill is there"
+    for name, words in {
+        "ball": "--sphere 0.3 --at 1 2 --mass 2", "crate": "--box 0.6 0.4 0.2 --at 3 3 --yaw 0.5",
+        "can": "--cylinder 0.8 0.25 --at 5 1", "pill": "--capsule 0.5 0.1 --at 5 5 --z 0.35",
+    }.items():  # fmt: skip
+        assert smartmesh("spawn", name, *words.split()) == f"{name} is there"
     file = tmp_path / "rover.urdf"
     file.write_text(robot(link("base", '<box size="0.4 0.3 0.2"/>', 3.0)))
     assert smartmesh("spawn", "rover", "--urdf", str(file), "--at", "1", "4.5") == "rover is there"

@@ -8,11 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import Twist, Vector3
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
-from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodyDescription, TrackedBody, TrackedBodyArray
@@ -22,9 +20,9 @@ from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.fleet.peers import PeerReader
 from smartmesh_ros.node.inputs.cdr_reader import map_from
-from smartmesh_ros.node.inputs.conversions import odometry_from, primitive_of, shape_of_primitive
+from smartmesh_ros.node.inputs.conversions import primitive_of, shape_of_primitive
 from smartmesh_ros.node.outputs.body_outputs import description
-from smartmesh_ros.tools.testing import heightmap_message, pose_message
+from smartmesh_ros.tools.testing import heightmap_message
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.state_table import require_valid
 
@@ -55,10 +53,9 @@ def test_a_map_is_what_was_sent(
     assert new.geometry.origin == origin
     assert new.geometry.yaw == pytest.approx(yaw)
     np.testing.assert_array_equal(new.heights, heights)
+    assert (new.velocities is not None) == moving
     if moving:
         np.testing.assert_array_equal(new.velocities, 2 * heights)
-    else:
-        assert new.velocities is None
     sent = {name: layer for name, layer in {"friction": friction, "soil": soil, **layers}.items() if layer is not None}
     assert new.material.layers.keys() == sent.keys()
     for name, layer in sent.items():
@@ -81,15 +78,6 @@ def test_a_shape_has_one_number_and_one_order_of_dimensions_in_all_messages(shap
     for number, size in shape.dimensions.items():
         place = getattr(SolidPrimitive, f"{name}_{number.upper()}", None)
         assert place is None or asked.dimensions[place] == size
-
-
-def test_the_twist_of_odometry_is_turned_from_its_bodys_frame_into_that_of_its_pose() -> None:
-    odometry = Odometry()
-    odometry.pose.pose = pose_message((1.0, 2.0, 3.0), 0.5 * math.pi)
-    odometry.twist.twist = Twist(linear=Vector3(x=2.0), angular=Vector3(y=0.5))
-    state = odometry_from(odometry)
-    assert state.position == (1.0, 2.0, 3.0)
-    assert (state.linear, state.angular) == (pytest.approx((0.0, 2.0, 0.0)), pytest.approx((-0.5, 0.0, 0.0)))
 
 
 @given(names=st.lists(st.text("abcdefg_äß", min_size=1, max_size=9), unique=True, max_size=6), data=st.data())

@@ -13,7 +13,7 @@ from rosidl_parser.definition import AbstractSequence, AbstractString, Array, Ba
 from smartmesh_msgs.msg import Heightmap, TrackedBody, TrackedBodyArray
 from visualization_msgs.msg import Marker, MarkerArray
 
-from smartmesh_ros.tools.testing import Probe, assert_on_map, heightmap_message, pose_message
+from smartmesh_ros.tools.testing import Probe, assert_on_map, heightmap_message, points_of, pose_message
 from tests.node.shared import spawn
 
 pytest.importorskip("cyclonedds", reason="cyclonedds is not installed; pip install -r requirements/interop.txt")
@@ -94,8 +94,7 @@ def test_cyclone_publishes_a_map_and_receives_patches_that_lie_on_it(peer: Peer,
     """Its requests that are none, of a peer with another idea of the type, do no harm: the middleware drops them, or
     the node's loop refuses them."""
     heights = np.random.default_rng(3).normal(size=(40, 30)) * 0.2
-    map_message = heightmap_message(heights, resolution=0.1)
-    bodies = TrackedBodyArray()
+    map_message, bodies = heightmap_message(heights, resolution=0.1), TrackedBodyArray()
     bodies.header.frame_id = "map"
     places = {"rover": (1.0, 1.5, 0.3), "walker": (2.0, 2.5, 0.3)}
     bodies.bodies = [TrackedBody(id=name, pose=pose_message(place), radius=0.2) for name, place in places.items()]
@@ -116,9 +115,8 @@ def test_cyclone_publishes_a_map_and_receives_patches_that_lie_on_it(peer: Peer,
             return next((markers for markers in found if len(markers) == 2), [])
 
         for marker in probe.wait_for(shown, watch=process):
-            points = np.array([(p.x, p.y, p.z) for p in marker.points])
-            assert len(points) >= 6
-            assert marker.header.frame_id == "map"
+            points = points_of(marker)
+            assert len(points) >= 6 and marker.header.frame_id == "map"
             assert_on_map(points, map_message)
         assert "refused" not in process.output
         probe.wait_for(requests.get_matched_subscriptions, watch=process)

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from smartmesh_msgs.msg import HeightmapUpdate
 from tf2_msgs.msg import TFMessage
@@ -16,7 +15,7 @@ from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.testing import heightmap_message, mesh_message, pose_message
 from tests.core import mesh_parts
-from tests.node.shared import fed, own_time, stamped, transform_message
+from tests.node.shared import fed, stamped, transform_message
 
 FERRY = "{deck: ferry, frame: ferry/base_link, thickness: 0.5, at: [0, 0, 0.5]}"
 BARGE = "{deck: barge, odometry: /barge/odom, thickness: 0.5}"
@@ -31,17 +30,21 @@ def heave(time: float) -> float:
     return 2.0 + HEAVE * math.sin(RATE * time)
 
 
-def test_bodies_ride_on_decks_that_follow_a_frame_and_an_odometry(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def odometry_message(x: float, z: float, speed: float) -> Odometry:
+    """Of the barge at a place [m], which rises [m/s]."""
+    message = Odometry(child_frame_id="barge")
+    message.pose.pose, message.twist.twist.linear.z = pose_message((x, 0.0, z)), speed
+    return message
+
+
+def test_bodies_ride_on_decks_that_follow_a_frame_and_an_odometry(now: list[float]) -> None:
     """Both ships heave, 10 m to either side: one on /tf, the other on its odometry."""
-    now = own_time(monkeypatch)
     with fed({"decks": [FERRY, BARGE], "frame_id": "map", "physics.sleep": True}) as node:
 
         def sail() -> None:
             frame = transform_message(node, "map", "ferry/base_link", (10.0, 0.0, heave(now[0])))
-            message = stamped(node, Odometry(child_frame_id="barge"))
+            message = stamped(node, odometry_message(-10.0, heave(now[0]), HEAVE * RATE * math.cos(RATE * now[0])))
             frame.header.stamp = message.header.stamp = stamp_of(now[0])
-            message.pose.pose = pose_message((-10.0, 0.0, heave(now[0])))
-            message.twist.twist.linear.z = HEAVE * RATE * math.cos(RATE * now[0])
             node.give("/tf", TFMessage(transforms=[frame]), steps=0)
             node.give("/barge/odom", message, steps=0)
 
@@ -59,18 +62,16 @@ def test_bodies_ride_on_decks_that_follow_a_frame_and_an_odometry(domain: int, m
         assert max(node.play(now, 4.0, 0.02, sail, error)[480:]) < 0.02
 
 
-def test_a_deck_moves_on_at_the_velocity_that_its_odometry_states(domain: int) -> None:
+def test_a_deck_moves_on_at_the_velocity_that_its_odometry_states() -> None:
     with fed({"decks": [BARGE], "frame_id": "map"}) as node:
         node.give("heightmap", heightmap_message(FLAT, resolution=0.25, origin=ORIGIN, tile="barge", frame_id=""))
-        message = stamped(node, Odometry(child_frame_id="barge"))
-        message.pose.pose, message.twist.twist.linear.z = pose_message((0.0, 0.0, 2.0)), 0.6
-        node.give("/barge/odom", message, steps=1)
+        node.give("/barge/odom", stamped(node, odometry_message(0.0, 2.0, 0.6)), steps=1)
         before = node.heights(0.0, 0.0)
         node.run(24)
         assert node.heights(0.0, 0.0) - before == pytest.approx(0.06, abs=0.01)
 
 
-def test_a_body_of_the_simulation_carries_a_deck_with_maps_updates_and_meshes(domain: int) -> None:
+def test_a_body_of_the_simulation_carries_a_deck_with_maps_updates_and_meshes() -> None:
     with fed({"decks": [LIFT], "frame_id": "map"}) as node:
         node.give("heightmap", heightmap_message(np.zeros((41, 41)), resolution=1.0, origin=(-20.0, -20.0, 0.0)))
         deck = heightmap_message(FLAT, resolution=0.25, origin=ORIGIN, tile="cage", frame_id="cage")
@@ -87,8 +88,7 @@ def test_a_body_of_the_simulation_carries_a_deck_with_maps_updates_and_meshes(do
         assert (odometry.header.frame_id, odometry.child_frame_id) == ("map", "cage")
         at = odometry.pose.pose.position
         assert [at.x, at.y, at.z] == frame.position.tolist()
-        update = HeightmapUpdate(tile="cage", x=8, y=8, width=5, height=5)
-        update.header.frame_id, update.heights = "cage", floats(np.full(25, 0.25, np.float32))
+        update = HeightmapUpdate(tile="cage", x=8, y=8, width=5, height=5, heights=floats(np.full(25, 0.25)))
         node.give("heightmap_update", stamped(node, update, "cage"))
         node.run(120)
         assert node.heights(0.0, 0.0) == pytest.approx(0.75, abs=1e-3)
@@ -98,21 +98,19 @@ def test_a_body_of_the_simulation_carries_a_deck_with_maps_updates_and_meshes(do
         node.give("terrain_mesh", roof)
         assert node.heights(0.0, 0.0) == pytest.approx(3.5, abs=1e-3)
         assert set(node.world.terrain.decks["cage"].tiles) == {"", "roof"}
-        wrong = heightmap_message(FLAT, tile="cage", frame_id="map")
-        node.require_refused("heightmap", [("frame", wrong)])
-        removal = heightmap_message(np.zeros((0, 0)), tile="cage", frame_id="cage")
-        node.give("heightmap", removal)
+        node.require_refused("heightmap", [("frame", heightmap_message(FLAT, tile="cage", frame_id="map"))])
+        node.give("heightmap", heightmap_message(np.zeros((0, 0)), tile="cage", frame_id="cage"))
         assert set(node.world.terrain.decks["cage"].tiles) == {"roof"}
 
 
-def test_maps_in_the_frame_of_a_deck_are_its_maps_and_a_reset_keeps_them(domain: int) -> None:
+def test_maps_in_the_frame_of_a_deck_are_its_maps_and_a_reset_keeps_them() -> None:
     with fed({"decks": [FERRY], "frame_id": "map"}) as node:
         node.give("heightmap", heightmap_message(FLAT, resolution=0.25, origin=ORIGIN, frame_id="ferry/base_link"))
         assert node.world.terrain.empty
 
         def sail(height: float) -> None:
-            pose: TransformStamped = transform_message(node, "map", "ferry/base_link", (0.0, 0.0, height))
-            node.give("/tf", TFMessage(transforms=[pose]), steps=1)
+            frame = transform_message(node, "map", "ferry/base_link", (0.0, 0.0, height))
+            node.give("/tf", TFMessage(transforms=[frame]), steps=1)
 
         sail(2.0)
         assert node.heights(0.0, 0.0) == pytest.approx(2.5)

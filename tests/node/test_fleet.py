@@ -17,7 +17,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.node.fleet import layout as layout
 from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
-from tests.node.shared import BALL, fed, stamped
+from tests.node.shared import BALL, Logged, fed, stamped
 
 NODES = layout.node_names(2)
 # After which silence the front takes a node for dead [s]: longer than a busy machine lets one wait.
@@ -97,9 +97,8 @@ def test_bodies_of_two_nodes_outlive_a_node(fleet: Fleet) -> None:
         probe.wait_for(lambda: fleet.bodies(0) == {"still"} and fleet.bodies(1) == {"near"})
         probe.wait_for(lambda: fleet.guests() == ["1", "1"])
         assert not fleet.spawn("still", 5.0).success
-        many = [
-            BodySpecification(id=f"more_{k}", shape=BALL, mass=1.0, pose=pose_message((-8.0, k, 0.2))) for k in (-2, 2)
-        ]
+        places = {f"more_{k}": pose_message((-8.0, k, 0.2)) for k in (-2, 2)}
+        many = [BodySpecification(id=name, shape=BALL, mass=1.0, pose=pose) for name, pose in places.items()]
         assert probe.call("/fleet/spawn_bodies", SpawnBodies, bodies=many).success
         twice = probe.call("/fleet/spawn_bodies", SpawnBodies, bodies=[many[0]])
         assert [failure.id for failure in twice.failures] == ["more_-2"]
@@ -117,15 +116,11 @@ def test_bodies_of_two_nodes_outlive_a_node(fleet: Fleet) -> None:
         for name, position in last.items():
             assert abs(now[name].x - position.x) < 1.5, "it goes on from its last known state"
             assert abs(now[name].y - position.y) < 0.05
-        named = ", ".join(sorted(last))
         probe.wait_for(lambda: f"spawned again on {NODES[0]}: " in front.output)
-        died, again = (
-            next(line for line in front.output.splitlines() if words in line)
-            for words in (f"{NODES[1]} died", "spawned again on")
-        )
-        for line in (died, again):
+        for words in (f"{NODES[1]} died", "spawned again on"):
+            line = next(line for line in front.output.splitlines() if words in line)
             assert f"{len(last)} bodies" in line
-            assert ", ".join(sorted(line.rpartition("(")[2].rstrip(")").split(", "))) == named
+            assert ", ".join(sorted(line.rpartition("(")[2].rstrip(")").split(", "))) == ", ".join(sorted(last))
 
         def cleared() -> list[str]:
             """Namespaces that a message clears and shows nothing of, since the node died."""
@@ -144,7 +139,7 @@ def test_bodies_of_two_nodes_outlive_a_node(fleet: Fleet) -> None:
         probe.wait_for(lambda: fleet.bodies(1) == {"late"})
 
 
-def test_peers_that_simulate_otherwise_are_refused_by_reason(domain: int, capfd: pytest.CaptureFixture[str]) -> None:
+def test_peers_that_simulate_otherwise_are_refused_by_reason(logged: Logged) -> None:
     with fed({**PHYSICS, "bodies.peers": ["/other"], "frame_id": "map"}) as node:
         for rate, gravity, frame, bodies, words in (
             (60.0, -9.81, "map", [], "/other steps at 60 Hz, this node at 120 Hz; set one rate"),
@@ -154,5 +149,5 @@ def test_peers_that_simulate_otherwise_are_refused_by_reason(domain: int, capfd:
         ):
             said = TrackedBodyArray(rate=rate, gravity=np.array([0.0, 0.0, gravity], np.float32), bodies=bodies)
             node.give("/other/body_states", stamped(node, said, frame))
-            heard = capfd.readouterr().err
+            heard = logged()
             assert "/other/body_states refused" in heard and words in heard

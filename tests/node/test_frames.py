@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from geometry_msgs.msg import TransformStamped
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
@@ -17,6 +17,7 @@ from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.node.inputs.frames import HISTORY, MAX_HOLD, FrameBuffer
 from smartmesh_ros.node.inputs.transform_input import transforms_from
 from tests.bodies import rotation
+from tests.examples import examples
 
 NUMBERS = st.floats(-10.0, 10.0)
 FAR = st.floats(-1e6, 1e6)  # as in UTM coordinates
@@ -36,7 +37,7 @@ def matrix(transform: Transform) -> NDArray[np.float64]:
     return whole
 
 
-@settings(deadline=None, max_examples=60)
+@examples(60)
 @given(parents=st.lists(st.integers(0, 7), min_size=1, max_size=8), data=st.data())
 def test_any_two_frames_of_a_tree_are_related_as_matrices_say(parents: list[int], data: st.DataObject) -> None:
     """Frame i + 1 hangs below one of the frames before it; frame 0 is the root."""
@@ -53,7 +54,7 @@ def test_any_two_frames_of_a_tree_are_related_as_matrices_say(parents: list[int]
             assert np.allclose(matrix(found), wanted, rtol=0.0, atol=1e-6)
 
 
-@settings(deadline=None, max_examples=60)
+@examples(60)
 @given(transforms(), transforms())
 def test_states_are_turned_as_matrices_say(outer: Transform, inner: Transform) -> None:
     state = BodyState(inner.translation, inner.rotation, (1.0, -2.0, 3.0), (0.3, 0.2, 0.1))
@@ -69,7 +70,7 @@ def turned(yaw: float, x: float = 0.0) -> Transform:
     return Transform((x, 0.0, 0.0), (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)))
 
 
-@settings(deadline=None, max_examples=60)
+@examples(60)
 @given(share=st.floats(0.0, 1.0))
 def test_between_two_transforms_it_is_interpolated(share: float) -> None:
     buffer = FrameBuffer()
@@ -81,8 +82,9 @@ def test_between_two_transforms_it_is_interpolated(share: float) -> None:
 
 def test_the_newest_time_that_all_frames_know_is_taken() -> None:
     buffer = FrameBuffer()
-    buffer.add("base", "wheel", turned(0.0), None)
-    assert buffer.lookup("base", "wheel") == (turned(0.0), None)
+    buffer.add("base", "wheel", turned(0.3), None)
+    assert buffer.lookup("base", "wheel") == (turned(0.3), None)
+    assert buffer.lookup("/base", "/wheel") == (turned(0.3), None), "a leading slash means nothing, as to tf2"
     for step in range(6):
         buffer.add("odom", "base", turned(0.0, float(step)), 10.0 + 0.1 * step)
         if step < 4:
@@ -90,13 +92,6 @@ def test_the_newest_time_that_all_frames_know_is_taken() -> None:
     found, stamp = buffer.lookup("map", "wheel")
     assert stamp == pytest.approx(10.3)
     assert found.translation[0] == pytest.approx(3.0)
-
-
-def test_a_leading_slash_of_a_name_means_nothing() -> None:
-    """As to tf2; parameters and messages of others may have one."""
-    buffer = FrameBuffer()
-    buffer.add("map", "robot/base_link", turned(0.3), None)
-    assert buffer.lookup("/map", "/robot/base_link") == buffer.lookup("map", "robot/base_link")
 
 
 def test_what_is_not_known_then_is_refused() -> None:
@@ -138,7 +133,7 @@ def test_memory_is_bounded() -> None:
     buffer.lookup("odom", "base", 100.0 + 0.01 * 20_000 - 0.9 * HISTORY)
 
 
-@settings(deadline=None, max_examples=60)
+@examples(60)
 @given(st.permutations(range(8)))
 def test_transforms_may_come_in_any_order(order: list[int]) -> None:
     sorted_ones, shuffled = FrameBuffer(), FrameBuffer()
@@ -152,7 +147,7 @@ def test_transforms_may_come_in_any_order(order: list[int]) -> None:
     assert shuffled.lookup("odom", "base")[0].translation[0] == 9.0, "the last one of a stamp counts"
 
 
-@settings(deadline=None, max_examples=60)
+@examples(60)
 @given(
     st.lists(
         st.tuples(st.integers(-(2**31), 2**31 - 1), st.text(max_size=9), st.text(max_size=9), transforms()), max_size=5

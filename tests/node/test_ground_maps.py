@@ -1,4 +1,4 @@
-"""Maps of the true ground, and scores of a mapper against them."""
+"""The true ground around bodies: maps of it, scores of a mapper against them, height scans at simulated rates."""
 
 from __future__ import annotations
 
@@ -14,17 +14,23 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.serialization import serialize_message
 
-from smartmesh_ros import BodyState, Deck, HeightMap
+from smartmesh_ros import BodyState, Box, Deck, HeightMap, HeightScan, Sphere, Terrain
 from smartmesh_ros.node.outputs import scan_outputs
+from smartmesh_ros.terrain.height_scan import yaws_of
+from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.score.terrain_score import TerrainScore
+from smartmesh_ros.tools.testing import heightmap_message
+from smartmesh_ros.tools.testing.replaying import replayed
+from smartmesh_ros.world.height_scanner import HeightScanner
+from tests import urdfs
 from tests.grid_maps import grid_map_message
 from tests.node.shared import fed, made_with
-from tests.node.test_ground_services import HILLS, LOW, RESOLUTION
+from tests.node.test_ground_services import HILLS, LOW, RESOLUTION, hills
 
 SIZE, SPACING = (3.0, 2.0), 0.25
 
 
-def test_a_ground_map_is_the_ground_in_the_layout_of_grid_map(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_ground_map_is_the_ground_in_the_layout_of_grid_map(monkeypatch: pytest.MonkeyPatch) -> None:
     entry = f"{{body: 1 ball, size: {[*SIZE]}, spacing: {SPACING}, rate: 10}}"
     with fed({"frame_id": "map", "ground_maps": [entry, "{body: nobody}"]}) as node:
         heights, friction = HILLS.copy(), np.random.default_rng(0).uniform(0.2, 1.0, HILLS.shape)
@@ -33,8 +39,8 @@ def test_a_ground_map_is_the_ground_in_the_layout_of_grid_map(domain: int, monke
         for time, rise in ((0.0, 0.0), (0.1, 0.05)):
             terrain.put("", HeightMap(heights + rise, resolution=RESOLUTION, origin=(LOW, LOW), time=time,
                                       friction=friction))  # fmt: skip
-        deck = Deck(HeightMap(np.zeros((5, 5)), resolution=0.25, friction=0.1), position=(1.9, 1.1, 2.0))
-        terrain.put("deck", deck)
+        flat = HeightMap(np.zeros((5, 5)), resolution=0.25, friction=0.1)
+        terrain.put("deck", Deck(flat, position=(1.9, 1.1, 2.0)))
         node.world.track("1 ball", 0.2, BodyState((1.3, 0.6, 1.0)))
         output, _ = node.node._outputs._of_entries["ground_map"]
         assert output.publisher.topic_name.endswith("/ground_map/_1_ball")
@@ -49,7 +55,6 @@ def test_a_ground_map_is_the_ground_in_the_layout_of_grid_map(domain: int, monke
         node.run(72)
         assert len(found) in (3, 4)
         time, message = found[-1]
-        truth = node.world.ground.at
         assert message.header.frame_id == "map"
         vectors = [f"{what}_{axis}" for what in ("velocity", "normal") for axis in "xyz"]
         assert [*message.layers] == ["elevation", *vectors, "friction", "sinkage", "age"]
@@ -60,14 +65,12 @@ def test_a_ground_map_is_the_ground_in_the_layout_of_grid_map(domain: int, monke
         assert [(dim.label, dim.size, dim.stride) for dim in message.data[0].layout.dim] == [
             ("column_index", columns, rows * columns), ("row_index", rows, rows)
         ]  # fmt: skip
-        for row in range(rows):
-            for column in range(columns):
-                x = middle.x + 0.5 * SIZE[0] - (row + 0.5) * SPACING
-                y = middle.y + 0.5 * SIZE[1] - (column + 0.5) * SPACING
-                cell = [layer.data[column * rows + row] for layer in message.data]
-                at = truth([[x, y]], time)
-                known = [*at.z, *at.velocities[0], *at.normals[0], *at.friction, 0.0 * at.z[0], *at.ages]
-                np.testing.assert_allclose(cell, known, rtol=1e-5, atol=1e-6)
+        row, column = (index.ravel() for index in np.mgrid[:rows, :columns])
+        x, y = middle.x + 0.5 * SIZE[0] - (row + 0.5) * SPACING, middle.y + 0.5 * SIZE[1] - (column + 0.5) * SPACING
+        at = node.world.ground.at(np.column_stack([x, y]), time)
+        known = np.column_stack([at.z, at.velocities, at.normals, at.friction, 0.0 * at.z, at.ages])
+        cells = np.array([layer.data for layer in message.data])[:, column * rows + row]
+        np.testing.assert_allclose(cells.T, known, rtol=1e-5, atol=1e-6)
         first = [layer.data[0] for layer in message.data]  # farthest along +x and +y: on the deck
         assert (first[0], first[7]) == (2.0, pytest.approx(0.1))
         assert sum(map(math.isnan, message.data[0].data)) > 0
@@ -76,7 +79,7 @@ def test_a_ground_map_is_the_ground_in_the_layout_of_grid_map(domain: int, monke
 LEVEL = np.zeros((6, 8), np.float32)
 
 
-def test_what_keeps_a_mapper_from_a_score_is_told_and_scores_are_written(domain: int, tmp_path: Path) -> None:
+def test_what_keeps_a_mapper_from_a_score_is_told_and_scores_are_written(tmp_path: Path) -> None:
     file = tmp_path / "score.csv"
     with made_with(TerrainScore, {"csv": str(file)}) as node:
         take = {it.topic_name.rpartition("/")[2]: it.callback for it in node.subscriptions if it.raw}
@@ -118,3 +121,68 @@ def test_what_keeps_a_mapper_from_a_score_is_told_and_scores_are_written(domain:
     with file.open() as lines:
         [score, _] = csv.DictReader(lines)
     assert (float(score["rmse"]), float(score["covered"]), float(score["delay"])) == (0.0, 1.0, -1.0)
+
+
+EDGES = (0.5, 0.3, 0.2)
+ROBOT = urdfs.robot(urdfs.link("base", urdfs.box(EDGES), 5.0, EDGES, at="0.1 0.05 0"))
+SCANS = {
+    "frame_id": "map",
+    "height_scans": [
+        "{body: robot, layout: isaac_lab, rate: 100}",
+        "{body: 2 boxes-1, layout: legged_gym}",
+        "{body: seen, layout: unitree_rl_mjlab, size: [0.8, 0.4], spacing: 0.05, order: yx, values: height, scale: 1}",
+        "{body: nobody}",
+    ],
+}
+
+
+def on_hills(parameters: dict[str, Any], *topics: str) -> Replay:
+    """A run on hills, of which these height scans have a subscriber."""
+    ground = heightmap_message(HILLS, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
+    keep = [f"height_scan/{topic}" for topic in topics]
+    return replayed([("heightmap", 0.0, ground)], {**parameters, "terrain.motion": "hold"}, keep=keep)
+
+
+def test_scans_of_all_kinds_of_bodies_are_the_ground_around_them() -> None:
+    topics = ("robot", "_2_boxes_1", "seen", "nobody")
+    with on_hills({**SCANS, "physics.gravity": [0.0, 0.0, 0.0]}, *topics) as run:
+        world, turned = run.world, (0.0, 0.0, math.sin(0.3), math.cos(0.3))
+        world.spawn_robot("robot", ROBOT, BodyState((2.0, 1.0, 1.0), turned))
+        world.spawn("2 boxes-1", Box(0.4, 0.2, 0.2), 1.0, BodyState((-1.0, 2.0, 1.2), turned))
+        world.track("seen", 0.2, BodyState((-3.0, -2.0, 0.7)))
+        run.run(0.12)
+        assert not run.received("height_scan/nobody")
+        fields: dict[str, Any] = {"size": (0.8, 0.4), "spacing": 0.05, "order": "yx", "values": "height", "scale": 1.0}
+        for topic, body, axes, scan in (
+            ("robot", "robot", [("y", 11, 187), ("x", 17, 17)], HeightScan.of("isaac_lab")),
+            ("_2_boxes_1", "2 boxes-1", [("x", 17, 187), ("y", 11, 11)], HeightScan.of("legged_gym")),
+            ("seen", "seen", [("x", 17, 17 * 9), ("y", 9, 9)], HeightScan.of("unitree_rl_mjlab", **fields)),
+        ):
+            message, state = run.received(f"height_scan/{topic}")[-1], world.base_state(body)
+            assert [(axis.label, axis.size, axis.stride) for axis in message.layout.dim] == axes
+            place = np.array([[*state.position, float(yaws_of([state.orientation])[0])]])
+            np.testing.assert_allclose(message.data, scan.read(Terrain(hills()), place, 0.0)[0], atol=1e-5)
+
+
+def test_scans_come_at_their_rate_in_simulated_time_and_only_to_subscribers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a delayed scan shows: tests/world/test_height_scan.py."""
+    measured, measure = list[float](), HeightScanner.measure
+
+    def note(scanner: HeightScanner) -> None:
+        measured.append(scanner._world.time)
+        measure(scanner)
+
+    monkeypatch.setattr(HeightScanner, "measure", note)
+    scans = {"height_scans": ["{body: ball, rate: 50, delay: 0.03}"]}
+    for topics in ((), ("ball",)):
+        with on_hills(scans, *topics) as run:
+            run.world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 5.0)))
+            run.run(0.4)
+            assert len(measured) in ((20, 21) if topics else (0,))
+            if topics:
+                np.testing.assert_allclose(np.diff(measured[1:]), 0.02, atol=run.world.dt)
+                assert len(run.received("height_scan/ball")) in (len(measured) - 2, len(measured) - 1)
+                run.world.reset_time()
+                count = len(measured)
+                run.run(0.5)
+                assert len(measured) - count in (5, 6)

@@ -1,33 +1,37 @@
-"""Questions about the ground over real DDS: heights, rays, and bodies spawned on the ground."""
+"""The ground as it is asked for over real DDS: heights, rays, bodies on it; a simulated lidar and depth camera."""
 
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion
-from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.msg import BodySpecification
-from smartmesh_msgs.srv import CastRays, QueryGround, SpawnBodies, SpawnBody
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+from smartmesh_msgs.srv import CastRays, QueryGround, RemoveBody
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.outputs.cdr import doubles
+from smartmesh_ros.node.sensor.range_sensors import Lidar
+from smartmesh_ros.node.sensor.terrain_sensor import TerrainSensor
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import Terrain
-from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
-from smartmesh_ros.tools.testing.replaying import replayed
-from tests.node.shared import LATCHED, body_names, box, fed, own_time, seconds, show_map, transform_message
+from smartmesh_ros.tools.testing import Probe, heightmap_message
+from tests.bodies import rotation
+from tests.node.shared import LATCHED, box, fed, made_with, seconds, show_map, spawn, transform_message
 from tests.terrain.surfaces import first_hit, triangles_of
 
 SIDE, RESOLUTION, LOW = 81, 0.25, -10.0
 r, c = np.mgrid[:SIDE, :SIDE]
 X, Y = LOW + RESOLUTION * c, LOW + RESOLUTION * r
 HILLS = (0.4 * np.sin(0.6 * X) * np.cos(0.5 * Y)).astype(np.float32)
-BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.3])
+UP = [0.0, 0.0, 1.0]
 
 
 def hills() -> HeightMap:
@@ -43,11 +47,10 @@ def query(probe: Probe, points: np.ndarray, frame_id: str = "", **fields: Any) -
     return probe.call("query_ground", QueryGround, **(given | fields))
 
 
-def cast(probe: Probe, origins: Any, directions: Any, reach: float = 20.0, frame_id: str = "", **fields: Any) -> Any:
-    given = {"header": Header(frame_id=frame_id), "range": reach}
-    return probe.call(
-        "cast_rays", CastRays, origins=doubles(origins), directions=doubles(directions), **(given | fields)
-    )
+def cast(probe: Probe, origins: Any, directions: Any, frame_id: str = "", **fields: Any) -> Any:
+    given = {"header": Header(frame_id=frame_id), "range": 20.0}
+    arrays = {"origins": doubles(origins), "directions": doubles(directions)}
+    return probe.call("cast_rays", CastRays, **(given | arrays | fields))
 
 
 def array(values: Any, *shape: int) -> np.ndarray:
@@ -70,11 +73,9 @@ def test_heights_are_those_of_the_map(shared: Probe) -> None:
 
 
 @pytest.mark.parametrize("stamped", [True, False])
-def test_waves_are_answered_for_the_instant_of_the_stamp(
-    domain: int, monkeypatch: pytest.MonkeyPatch, stamped: bool
-) -> None:
+def test_waves_are_answered_for_the_instant_of_the_stamp(now: list[float], stamped: bool) -> None:
     """Whole maps that rise at a constant speed, each with its stamp: heights are linear in the answer's stamp."""
-    now, speed = own_time(monkeypatch), 0.7
+    speed = 0.7
     with fed({}) as node:
 
         def rise() -> None:
@@ -107,9 +108,7 @@ def test_waves_are_answered_for_the_instant_of_the_stamp(
 
 def test_rays_meet_hills_and_bodies(shared: Probe) -> None:
     publish_hills(shared)
-    there = {"shape": box(0.8, 0.8, 0.5), "pose": pose_message((0.0, 0.0, 0.0)), "on_ground": True, "align": True}
-    wanted = [BodySpecification(id="box", mass=1.0, **there)]
-    assert shared.call("spawn_bodies", SpawnBodies, bodies=wanted).success
+    spawn(shared, "box", shape=box(0.8, 0.8, 0.5), on_ground=True, align=True)
     rng = np.random.default_rng(1)
     origins = np.column_stack([rng.uniform(-9.0, 9.0, (2500, 2)), np.full(2500, 1.5)])
     directions = rng.normal(size=(2500, 3)) * (1.0, 1.0, 0.3)
@@ -120,9 +119,8 @@ def test_rays_meet_hills_and_bodies(shared: Probe) -> None:
     assert 30 < ground.sum() < 300 and set(answer.hits) <= {"", "ground", "box"}
     np.testing.assert_allclose(array(answer.distances)[:300][ground], expected.values[ground], atol=1e-6)
     assert np.isinf(array(answer.distances)[np.array(answer.hits) == ""]).all()
-    down = cast(shared, [0.0, 0.0, 5.0], [0.0, 0.0, -2.0])
-    assert list(down.hits) == ["box"]
-    assert list(cast(shared, [0.0, 0.0, 5.0], [0.0, 0.0, -2.0], through=["box"]).hits) == ["ground"]
+    for through, hit in (([], "box"), (["box"], "ground")):
+        assert list(cast(shared, [0.0, 0.0, 5.0], [0.0, 0.0, -2.0], through=through).hits) == [hit]
 
 
 def test_questions_in_other_frames(shared: Probe) -> None:
@@ -159,11 +157,11 @@ def test_what_cannot_be_answered_is_refused_by_reason(shared: Probe) -> None:
         (query(shared, one, y=doubles([0.0, 1.0])), "1 x, 2 y and 0 below"),
         (query(shared, one, "rover"), "no body is called 'rover' (there are no bodies), and as a frame: there is no"),
         (query(shared, one, header=Header(stamp=stamp)), "before this node's time"),
-        (cast(shared, [0.0, 0.0], [0.0, 0.0, 1.0]), "three of each"),
-        (cast(shared, [0.0, 0.0, math.nan], [0.0, 0.0, 1.0]), "not finite"),
-        (cast(shared, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]), "has no length"),
-        (cast(shared, [0.0, 0.0, 0.0], [0.0, 0.0, 1.0], reach=-1.0), "range"),
-        (cast(shared, [0.0, 0.0, 0.0], [0.0, 0.0, 1.0], through=["nobody"]), "no body 'nobody'"),
+        (cast(shared, [0.0, 0.0], UP), "three of each"),
+        (cast(shared, [0.0, 0.0, math.nan], UP), "not finite"),
+        (cast(shared, [0.0] * 3, [0.0] * 3), "has no length"),
+        (cast(shared, [0.0] * 3, UP, range=-1.0), "range"),
+        (cast(shared, [0.0] * 3, UP, through=["nobody"]), "no body 'nobody'"),
         (cast(shared, np.zeros(300_003), np.ones(300_003)), "100001 rays"),
     ]
     for answer, words in refused:
@@ -173,40 +171,117 @@ def test_what_cannot_be_answered_is_refused_by_reason(shared: Probe) -> None:
     assert counts["refused, query_ground: stamp"] == "1" and counts["refused, cast_rays: length"] == "1"
 
 
-def test_bodies_are_spawned_on_the_ground_or_refused(shared: Probe) -> None:
-    """With the clearance that was asked for: tests/world/test_standing.py."""
-    holes = HILLS.copy()
-    holes[:10, :10] = np.nan
-    show_map(shared, holes, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
-
-    def spawn(name: str, x: float, y: float, **fields: Any) -> Any:
-        pose = pose_message((x, y, -77.0))
-        return shared.call("spawn_body", SpawnBody, id=name, shape=BALL, mass=1.0, pose=pose, on_ground=True, **fields)
-
-    assert spawn("ball", 1.1, 0.7, clearance=0.25).success
-    for x, y in ((-9.5, -9.5), (9.9, 0.0), (500.0, 0.0)):
-        answer = spawn("other", x, y)
-        assert not answer.success and "no ground at" in answer.message
-    assert "clearance" in spawn("other", 0.0, 0.0, clearance=-0.1).message
-    assert body_names(shared) == ["ball"]
+CAMERA = {"sensor": "depth_camera", "pitch": 0.6, "position": [0.1, 0.0, 1.5], "camera.columns": 40, "camera.rows": 30}
+EXACT = {"noise.constant": 0.0, "noise.quadratic": 0.0}
 
 
-def test_the_parameter_spawns_bodies_once_there_is_ground_for_them() -> None:
-    spawn = [
-        "{id: low, shape: sphere, size: [0.2], mass: 1.0, xyz: [2, 2, 9.0]}",
-        "{id: high, shape: box, size: [0.2, 0.2, 0.2], xy: [3, 3], above: 1.0, yaw: 0.5}",
-        "{id: ball, shape: sphere, size: [0.3], xy: [0.2, 0.1]}",
-        "{id: box, shape: box, size: [0.5, 0.4, 0.3], xy: [3, 2], clearance: 0.1, align: true}",
-    ]
-    parameters = {"bodies.spawn": spawn, "physics.gravity": [0.0, 0.0, 0.0]}
-    message = heightmap_message(HILLS, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
-    with replayed([("heightmap", 0.0, message)], parameters) as run:
-        assert run.world.bodies.keys() == {"low"}
-        run.run(0.1)
-        ball, box, high = (run.world.state(name) for name in ("ball", "box", "high"))
-        ground = ground_samples(Terrain(hills()), checked_points([[0.2, 0.1], [3.0, 2.0], [3.0, 3.0]]), 0.0)
-        assert high.position == pytest.approx((3.0, 3.0, ground.z[2] + 1.0), abs=1e-6)
-        assert ball.position[2] - ground.z[0] == pytest.approx(0.3 / ground.normals[0, 2], abs=0.02)
-        assert box.position[2] - ground.z[1] == pytest.approx(0.25 / ground.normals[1, 2], abs=0.02)
-        x, y, _, _ = box.orientation
-        assert 1.0 - 2.0 * (x**2 + y**2) == pytest.approx(ground.normals[1, 2], abs=0.02)
+def spawn_post(probe: Probe) -> None:
+    """A heavy box at rest on a slope, which carries the sensor."""
+    publish_hills(probe)
+    spawn(probe, "post", (2.0, 1.0, 0.0), shape=box(0.5, 0.5, 0.4), mass=50.0, on_ground=True, align=True)
+
+
+def points_of_cloud(cloud: PointCloud2) -> np.ndarray:
+    assert [field.name for field in cloud.fields] == ["x", "y", "z"] and cloud.point_step == 12
+    return np.frombuffer(cloud.data, np.float32).reshape(cloud.width, 3).astype(np.float64)
+
+
+def turned(points: np.ndarray, rotated: Any, place: Any) -> np.ndarray:
+    """Points of a frame in that above it, which its pose is in."""
+    q, p = rotated, place
+    return np.asarray(points @ rotation(np.array([q.x, q.y, q.z, q.w])).T + (p.x, p.y, p.z))
+
+
+def errors(points: np.ndarray) -> np.ndarray:
+    """Heights of points (n, 3) above the hills [m]."""
+    return np.asarray(points[:, 2] - ground_samples(Terrain(hills()), checked_points(points[:, :2]), 0.0).z)
+
+
+def test_a_lidar_on_a_body_sees_the_ground_and_not_its_body(shared: Probe) -> None:
+    """That its rays meet nothing is told once, and so is the end of that, but nothing of a service that was there."""
+    publish_hills(shared)
+    spawn(shared, "post", (2.0, 1.0, 500.0), shape=box(0.5, 0.5, 0.4))
+    clouds = shared.listen("/shared/terrain_sensor/points", PointCloud2)
+    parameters = {"frame": "post", "through": ["post"], "position": [0.0, 0.0, 0.0], "rate": 50.0, **EXACT}
+    with shared.running("terrain_sensor", parameters) as process:
+        shared.wait_for(lambda: len(clouds) > 20)
+        assert all(cloud.width == 0 for cloud in clouds)
+        shared.call("remove_body", RemoveBody, id="post")
+        spawn_post(shared)
+        shared.wait_for(lambda: "rays meet something again" in process.output)
+        told = [line for line in process.output.splitlines() if "[WARN]" in line and "refused" not in line]
+        assert sum("no ray meets anything within 0.5 to 15 m around frame 'post'" in line for line in told) == 1
+        assert not any("there is no service" in line for line in told)
+        assert clouds[-1].header.frame_id == "post"
+
+        def on_the_hills() -> bool:
+            """Once the box rests: flat rays enlarge the way that it creeps between a look and its state. The rays start
+            in the box, and pass through its sides."""
+            points = points_of_cloud(clouds[-1])
+            assert np.linalg.norm(points, axis=1).max(initial=0.0) <= 15.0 + 1e-3
+            pose = next(body.pose for body in shared.latest("body_states").bodies if body.id == "post")
+            places = turned(points, pose.orientation, pose.position)
+            return len(points) > 1000 and bool(np.abs(errors(places)).max() < 0.02)
+
+        shared.wait_for(on_the_hills)
+
+
+def test_noise_has_the_deviation_that_was_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    noise = {"noise.constant": 0.03, "noise.quadratic": 0.002, "position": [0.0, 0.0, 0.0]}
+    with made_with(TerrainSensor, noise) as node:
+        found: list[PointCloud2] = []
+        monkeypatch.setattr(node, "_points", SimpleNamespace(publish=found.append))
+        directions = np.concatenate([node.sensor.directions_b(look) for look in range(4)])
+        true = np.linspace(1.0, 12.0, len(directions))
+        answer = CastRays.Response(success=True, distances=doubles(true))
+        node._on_answer(SimpleNamespace(result=lambda: answer), directions)
+        off = np.linalg.norm(points_of_cloud(found[0]), axis=1) - true
+        assert np.std(off / (0.03 + 0.002 * true**2)) == pytest.approx(1.0, rel=0.05)
+        assert np.mean(off) == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_depth_camera_agrees_with_its_cloud(shared: Probe) -> None:
+    spawn_post(shared)
+    camera = "/shared/terrain_sensor"
+    clouds, images = shared.listen(f"{camera}/points", PointCloud2), shared.listen(f"{camera}/image", Image)
+    infos, frames = shared.listen(f"{camera}/camera_info", CameraInfo), shared.listen("/tf_static", TFMessage, LATCHED)
+    with shared.running("terrain_sensor", {"frame": "post", **CAMERA, **EXACT}):
+        shared.wait_for(lambda: frames and infos and clouds and images)
+        stamp = images[-1].header.stamp
+        cloud = shared.wait_for(lambda: next((one for one in clouds if one.header.stamp == stamp), None))
+        image, info = images[-1], infos[-1]
+        optical_frame = "shared/terrain_sensor_optical"
+        assert (image.encoding, image.width, image.height, image.header.frame_id) == ("32FC1", 40, 30, optical_frame)
+        depths = np.frombuffer(image.data, np.float32).reshape(30, 40).astype(np.float64)
+        v, u = np.nonzero(~np.isnan(depths))
+        fx, fy, cx, cy = info.k[0], info.k[4], info.k[2], info.k[5]
+        z = depths[v, u]
+        optical = np.column_stack([(u - cx) / fx * z, (v - cy) / fy * z, z])
+        transform = frames[-1].transforms[0]
+        assert (transform.header.frame_id, transform.child_frame_id) == ("post", optical_frame)
+        projected = turned(optical, transform.transform.rotation, transform.transform.translation)
+        np.testing.assert_allclose(projected, points_of_cloud(cloud), atol=1e-4)
+        assert math.isclose(fx, 19.5 / math.tan(0.5 * math.radians(87.0)), rel_tol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"sensor": "sonar"}, "choose one of lidar, depth_camera"),
+        ({"range.nearest": 20.0}, "less than range.farthest"),
+        ({"lidar.beams": 500, "lidar.steps": 1000}, "500000 rays in one look"),
+        ({"position": [1.0]}, "position has 1 numbers"),
+    ],
+)
+def test_impossible_sensors_do_not_start(parameters: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words), made_with(TerrainSensor, parameters):
+        pass
+
+
+def test_the_sectors_of_a_turn_are_the_turn() -> None:
+    lidar = Lidar()
+    whole = replace(lidar, sectors=1).directions_s(0)
+    parts = np.concatenate([lidar.directions_s(look) for look in range(lidar.sectors)])
+    rounded = [{tuple(ray) for ray in np.round(rays, 6).tolist()} for rays in (whole, parts)]
+    assert rounded[0] == rounded[1]
+    assert len(rounded[0]) == lidar.beams * lidar.steps

@@ -75,19 +75,16 @@ class World:
 
 def table(names: list[str]) -> StateTable:
     n = len(names)
-    numbers, centres = np.zeros((n, 13)), np.zeros((n, 3))
     balls, sizes = np.full(n, 2, np.uint8), np.ones((n, 3))
-    return StateTable(list(names), numbers, np.ones(n), balls, sizes, centres, np.ones(n))
+    return StateTable([*names], np.zeros((n, 13)), np.ones(n), balls, sizes, np.zeros((n, 3)), np.ones(n))
 
 
 def test_a_box_whose_middle_is_not_its_centre_of_mass_is_spawned_again_where_it_was() -> None:
     states = table(["robot"])
-    quarter_turn = (0.0, 0.0, 0.5**0.5, 0.5**0.5)  # about z: x goes to y
-    states.numbers[0, :7] = (1.0, 2.0, 3.0, *quarter_turn)
+    states.numbers[0, :7] = (1.0, 2.0, 3.0, 0.0, 0.0, 0.5**0.5, 0.5**0.5)  # turned about z: x goes to y
     states.kinds[0] = ShapeKind.BOX
     states.centres[0] = (0.5, 0.0, 0.25)
-    again = specification_of(FleetBody("robot", "/a", lost=LastState(states)))
-    position = again.pose.position
+    position = specification_of(FleetBody("robot", "/a", lost=LastState(states))).pose.position
     assert (position.x, position.y, position.z) == pytest.approx((1.0, 2.5, 3.25))
 
 
@@ -119,8 +116,7 @@ def test_nodes_are_not_taken_for_dead_because_the_front_stood_still() -> None:
     world = World()
     world.spawn("body")
     world.go_on(1.0)
-    duties = world.ledger.check(world.time + 30.0)
-    assert duties == Duties([], [], [], [], {})
+    assert world.ledger.check(world.time + 30.0) == Duties([], [], [], [], {})
     world.time += 30.0
     world.go_on(1.0)
     assert world.ledger.respawned == 0
@@ -194,11 +190,10 @@ def front_of(*, ready: bool = True) -> Any:
     return SimpleNamespace(future=future, create_client=lambda *_, **__: client)
 
 
-def result_of(coroutine: Any) -> dict[str, str]:
+def result_of(coroutine: Any) -> Any:
     with pytest.raises(StopIteration) as end:
         coroutine.send(None)
-    found: dict[str, str] = end.value.value
-    return found
+    return end.value.value
 
 
 def test_a_node_that_dies_or_has_no_services_has_refused_all_bodies_of_the_call() -> None:
@@ -206,12 +201,13 @@ def test_a_node_that_dies_or_has_no_services_has_refused_all_bodies_of_the_call(
     calls = Calls(front, ["/a"], None)
     call = calls.remove("/a", ["one", "two"])
     call.send(None)
-    calls.give_up("/b")
-    assert not front.future.done()
-    calls.give_up("/a")
+    for node in ("/b", "/a"):
+        assert not front.future.done()
+        calls.give_up(node)
     assert result_of(call) == dict.fromkeys(("one", "two"), "/a died before it answered")
-    calls = Calls(front_of(ready=False), ["/a"], None)
-    assert result_of(calls.remove("/a", ["one"])) == {"one": "/a serves no calls yet"}
+    assert result_of(Calls(front_of(ready=False), ["/a"], None).remove("/a", ["one"])) == {
+        "one": "/a serves no calls yet"
+    }
 
 
 @pytest.mark.parametrize(

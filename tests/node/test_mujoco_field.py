@@ -14,7 +14,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.trimesh import grid_triangles
 from smartmesh_ros.tools.client import Patch, write_field
-from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process
+from smartmesh_ros.tools.testing import TIMEOUT, Probe
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed; scripts/workspace run dev view studies")
 
@@ -42,9 +42,9 @@ def simulator(size: str = "10 10 2 1", samples: int = 33, mocap: str = "true", w
 def patch_of(heights: np.ndarray, x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> Patch:
     """A patch whose first vertex is at (x, y)."""
     rows, columns = heights.shape
-    r, c = np.mgrid[:rows, :columns]
+    y_own, x_own = STEP * np.mgrid[:rows, :columns]
     cos, sin = math.cos(yaw), math.sin(yaw)
-    xs, ys = x + STEP * (c * cos - r * sin), y + STEP * (c * sin + r * cos)
+    xs, ys = x + x_own * cos - y_own * sin, y + y_own * cos + x_own * sin
     return Patch(
         name="wheel", kind="heightfield", tile="", row=0, column=0, stride=1, deviation=0.0, linear_w=np.zeros(3),
         angular_w=np.zeros(3), vertices_w=np.stack([xs, ys, heights], axis=-1).reshape(-1, 3),
@@ -107,10 +107,9 @@ def test_what_would_lose_bodies_is_refused_and_nothing_is_written(
 
 def test_an_unknown_field_and_a_patch_that_is_no_grid_are_refused() -> None:
     model, data = simulator()
-    with pytest.raises(InputError, match=r"no height field 'soil'; it has \['other', 'ground'\]"):
-        write_field(model, data, "soil", patch_of(np.zeros((9, 9))))
-    with pytest.raises(InputError, match="no height field 2; it has 2, from 0 on"):
-        write_field(model, data, 2, patch_of(np.zeros((9, 9))))
+    for name, words in (("soil", r"no height field 'soil'; it has \['other', 'ground'\]"), (2, "it has 2, from 0 on")):
+        with pytest.raises(InputError, match=words):
+            write_field(model, data, name, patch_of(np.zeros((9, 9))))
     patch = patch_of(np.zeros((3, 3)))
     odd = patch.vertices_w.copy()
     odd[4, 0] += 0.02
@@ -123,15 +122,12 @@ def test_the_program_of_the_page_runs_as_it_stands(probe: Probe) -> None:
     [program] = [code for code in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL) if "import mujoco" in code]
     [command] = [text for text in re.findall(r"```bash\n(.*?)```", PAGE, re.DOTALL) if "terrain_collider" in text]
     assert len(program.splitlines()) <= 32
-    words = command.split()
-    assert words[:4] == ["ros2", "run", "smartmesh_ros", "terrain_collider"]
+    ros, run, package, collider, *arguments = command.split()
+    assert [ros, run, package, collider] == ["ros2", "run", "smartmesh_ros", "terrain_collider"]
     x, y = np.meshgrid(*[0.1 * (np.arange(81) - 40)] * 2)
     bowl = 3.0 + 0.1 * (x * x + y * y)
-    with Process("terrain_collider", arguments=words[4:]) as node:
-        probe.wait_for(probe.connected, watch=node)
-        simulation = subprocess.Popen(
-            [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
+    with probe.running(arguments=arguments) as node:
+        simulation = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True)
 
         def ended() -> bool:
             probe.publish_map(bowl, resolution=0.1, origin=(-4.0, -4.0, 0.0))
@@ -141,8 +137,7 @@ def test_the_program_of_the_page_runs_as_it_stands(probe: Probe) -> None:
             probe.wait_for(ended, timeout=2.0 * TIMEOUT, watch=node)
         finally:
             simulation.kill()
-            output, errors = simulation.communicate()
-    assert simulation.returncode == 0, errors
+            output, _ = simulation.communicate()
+    assert simulation.returncode == 0
     at_x, at_y, at_z = (float(word) for word in output.split()[-3:])
-    below = 3.0 + 0.1 * (at_x**2 + at_y**2)
-    assert at_z - 0.2 == pytest.approx(below, abs=0.01)
+    assert at_z - 0.2 == pytest.approx(3.0 + 0.1 * (at_x**2 + at_y**2), abs=0.01)

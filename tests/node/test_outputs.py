@@ -11,14 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from shape_msgs.msg import Mesh, MeshTriangle
-from smartmesh_msgs.msg import (
-    ColliderPatch,
-    ColliderPatchArray,
-    Contact,
-    ContactArray,
-    TrackedBody,
-    TrackedBodyArray,
-)
+from smartmesh_msgs.msg import ColliderPatch, ColliderPatchArray, Contact, ContactArray, TrackedBody, TrackedBodyArray
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -31,6 +24,7 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
+from smartmesh_ros.tools.testing import points_of
 from smartmesh_ros.world.contacts import GroundContact
 from smartmesh_ros.world.state_table import StateTable
 from tests.core import mesh_parts
@@ -105,7 +99,7 @@ def test_markers_equal_those_of_message_objects(make: Callable[[], Reaching], fr
 
 
 def corners_of(marker: Marker) -> FloatArray:
-    return np.array([(p.x, p.y, p.z) for p in marker.points]).reshape(-1, 3, 3)
+    return points_of(marker).reshape(-1, 3, 3)
 
 
 def test_a_body_that_goes_is_deleted_once_and_keeps_its_id_while_it_stays() -> None:
@@ -159,9 +153,7 @@ def message_of(states: StateTable) -> TrackedBodyArray:
     message = TrackedBodyArray(header=HEADER, ahead=0.25, rate=PHYSICS.rate, gravity=gravity)
     for row, v in enumerate(states.numbers.tolist()):
         body = TrackedBody(id=states.names[row], radius=states.radii[row], shape=int(states.kinds[row]))
-        body.dimensions, body.centre = (
-            values[row].astype(np.float32) for values in (states.dimensions, states.centres)
-        )
+        body.dimensions, body.centre = states.dimensions[row].astype(np.float32), states.centres[row].astype(np.float32)
         body.mass = states.masses[row]
         body.pose.position, body.pose.orientation = Point(**xyz(v[:3])), Quaternion(**xyz(v[3:6]), w=v[6])
         body.twist = Twist(linear=Vector3(**xyz(v[7:10])), angular=Vector3(**xyz(v[10:13])))
@@ -201,7 +193,7 @@ def test_contacts_equal_those_of_message_objects(rows: list[tuple[str, tuple[flo
     received = deserialize_message(mine, ContactArray)
     messages = [
         Contact(
-            body_id=name, position=Point(**xyz(v[0:3])), normal=Vector3(**xyz(v[3:6])), depth=v[6], normal_force=v[7]
+            body_id=name, position=Point(**xyz(v[:3])), normal=Vector3(**xyz(v[3:6])), depth=v[6], normal_force=v[7]
         )
         for name, v in rows
     ]

@@ -120,10 +120,9 @@ def test_a_late_loop_takes_no_map_for_one_of_a_time_far_ahead(policy: DeadlinePo
 @given(costs)
 def test_where_simulated_time_keeps_up_maps_hold_for_their_own_time(follows: bool, costs: list[float]) -> None:
     """Steps are left out, or run at once up to the time that another simulator's clock tells."""
-    now = [0.0]
+    now, time = [0.0], PERIOD  # of the next step: simulated time runs with the clock
     pacer = Pacer(PERIOD, "catch_up" if follows else "skip", lambda: now[0])
     pacer.follows_clock, pacer.most_catch_up = follows, 1.0
-    time = PERIOD  # of the next step: simulated time runs with the clock
     for cost in costs:
         now[0] += cost
         assert pacer.simulated_at(0.0, time) == pytest.approx(now[0])

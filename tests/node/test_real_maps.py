@@ -1,7 +1,8 @@
-"""Maps as mappers publish them: corrections, messages that are late or overtake each other, rival publishers."""
+"""Maps as mappers publish them: corrections, messages that are late or overtake each other, rival publishers, a bag."""
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from types import SimpleNamespace
 from typing import get_args
 
@@ -10,20 +11,25 @@ import pytest
 import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
+from grid_map_msgs.msg import GridMap
+from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
+from rclpy.serialization import deserialize_message
 from smartmesh_msgs.msg import Heightmap
 from std_srvs.srv import Trigger
 
-from smartmesh_ros import BodyState, Box
+from smartmesh_ros import BodyState, Box, HeightMap
+from smartmesh_ros.io.rasters import RasterConfig
+from smartmesh_ros.node.inputs.adapters import grid_map_raster
 from smartmesh_ros.node.inputs.map_checks import MapChecks
 from smartmesh_ros.node.inputs.rivals import Rivals
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy, stamp_of
 from smartmesh_ros.terrain.grid import GridGeometry
-from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import Changes, MotionConfig, MotionMode
-from smartmesh_ros.tools.testing import Probe, heightmap_message
-from tests.node.shared import fed, own_time
+from smartmesh_ros.tools.testing import Probe, bags, heightmap_message
+from smartmesh_ros.tools.testing.replaying import replayed
+from tests.node.shared import Logged, fed
 
 DEFAULTS = {spec.name: spec.default for spec in SPECS}
 GRID = GridGeometry(rows=21, columns=21, resolution=0.5)
@@ -45,23 +51,20 @@ def test_what_changes_mean_follows_from_the_input_unless_it_is_said(said: str, s
     assert settings_from(values).motion.changes == meant
 
 
-def told(rivals: Rivals, height: Callable[[int], float], count: int = 12) -> bool:
-    for number in range(count):
-        rivals.take(GRID, LEVEL + np.float32(height(number)))
+def told(rivals: Rivals, height: Callable[[int], float], grids: Sequence[GridGeometry] = (GRID,)) -> bool:
+    for number in range(12):
+        rivals.take(grids[number % len(grids)], LEVEL + np.float32(height(number)))
     return rivals.found
 
 
 def test_maps_that_agree_go_on_or_come_alone_again_are_not_of_rivals() -> None:
-    rivals = Rivals()
+    rivals, beside = Rivals(), GridGeometry(rows=21, columns=21, resolution=0.5, origin=(20.0, 0.0, 0.0))
     assert told(rivals, lambda number: 0.3 * (number % 3 == 0) + 0.001 * number)
     assert not told(rivals, lambda _: 0.0)
     assert not told(Rivals(), lambda number: 0.005 * (number % 2))
     assert not told(Rivals(), lambda number: 0.03 * number)
     assert not told(Rivals(), lambda number: 0.3 * (number > 5))
-    apart, beside = Rivals(), GridGeometry(rows=21, columns=21, resolution=0.5, origin=(20.0, 0.0, 0.0))
-    for number in range(12):
-        apart.take((GRID, beside)[number % 2], LEVEL + np.float32(number % 2))
-    assert not apart.found, "maps of different places do not disagree"
+    assert not told(Rivals(), lambda number: number % 2, (GRID, beside)), "maps of different places do not disagree"
 
 
 ADVICE = "set terrain.changes: correction"
@@ -73,22 +76,18 @@ def of_mapper(number: int) -> NDArray[np.float32]:
     return np.asarray(LEVEL + noise + 0.001 * number + 0.08 * (number // 20 % 2), np.float32)
 
 
-def test_maps_of_a_mapper_that_are_taken_for_motion_are_a_warning(
-    domain: int, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_maps_of_a_mapper_that_are_taken_for_motion_are_a_warning(logged: Logged) -> None:
     with fed({"terrain.changes": "motion"}) as node:
 
         def give(number: int) -> tuple[bytes, str]:
             """Gives a map that holds from now on; level and words of the diagnostics a tenth of a second later."""
             node.give("heightmap", heightmap_message(of_mapper(number), resolution=0.5), steps=24)
-            level, words, _ = node.node._outputs._diagnostics._terrain()
-            return level, words
+            return node.node._outputs._diagnostics._terrain()[:2]
 
-        warned = [ADVICE in give(number)[1] for number in range(60)]
-        assert warned[50:] == [True] * 10
+        assert all([ADVICE in give(number)[1] for number in range(60)][50:])
         level, words = give(60)
         assert level == DiagnosticStatus.WARN and "jumps of still ground" in words and "noise of 5." in words
-        assert capfd.readouterr().err.count(ADVICE) == 1
+        assert logged().count(ADVICE) == 1
         assert not node.set("terrain.changes", "correction")
         assert give(61)[1] == "maps arrive"
 
@@ -132,7 +131,7 @@ def before(stamp: Time, seconds: int, tenths: int = 0) -> Time:
     return Time(sec=total // 10**9, nanosec=total % 10**9)
 
 
-def test_a_map_that_was_overtaken_is_neither_taken_nor_refused(domain: int) -> None:
+def test_a_map_that_was_overtaken_is_neither_taken_nor_refused() -> None:
     with fed({}) as node:
         now = node.now()
         for height, stamp in ((0.0, now), (1.0, before(now, 0, 1)), (0.0, node.now())):
@@ -142,7 +141,7 @@ def test_a_map_that_was_overtaken_is_neither_taken_nor_refused(domain: int) -> N
         assert node.node.session.overtaken.total() == 1
 
 
-def test_older_stamps_are_taken_again_and_bodies_stay_where_they_are(domain: int) -> None:
+def test_older_stamps_are_taken_again_and_bodies_stay_where_they_are() -> None:
     """The clock of the source was set back by an hour."""
     with fed({}) as node:
         node.give("heightmap", heightmap_message(LEVEL, resolution=0.5, stamp=node.now()))
@@ -175,11 +174,11 @@ LATE: list[tuple[MotionMode, float, float, float, float]] = [
 
 @pytest.mark.parametrize(("mode", "rate", "late", "jitter", "behind"), LATE)
 def test_ground_has_its_velocity_however_late_its_maps_are(
-    domain: int, monkeypatch: pytest.MonkeyPatch, mode: str, rate: float, late: float, jitter: float, behind: float
+    now: list[float], mode: str, rate: float, late: float, jitter: float, behind: float
 ) -> None:
     """Maps of ground that rises arrive in order, ``late`` [s] after their stamps, give or take some ``jitter``, which
     are of this node's clock or of one that is ``behind`` [s]."""
-    now, seconds = own_time(monkeypatch), late + 6.0 + 60.0 * jitter
+    seconds = late + 6.0 + 60.0 * jitter
     sent = 1000.0 + np.arange(0.0, seconds, 1.0 / rate)
     delays = late + jitter * np.random.default_rng(1).uniform(-1.0, 1.0, len(sent))
     coming = deque(zip(np.maximum.accumulate(sent + delays), sent, strict=True))
@@ -204,11 +203,11 @@ def test_ground_has_its_velocity_however_late_its_maps_are(
 @pytest.mark.parametrize("policy", get_args(DeadlinePolicy))
 @pytest.mark.parametrize("stalls", [(0.002, 0.5), (0.02, 0.03), (0.05, 0.01)])
 def test_stalls_of_the_loop_give_the_ground_no_velocity(
-    domain: int, monkeypatch: pytest.MonkeyPatch, policy: str, stalls: tuple[float, float]
+    now: list[float], policy: str, stalls: tuple[float, float]
 ) -> None:
     """In a loop that has time otherwise, stalls of a mean length [s] come with a probability, before a step and before
     a map. The rise of the ground meanwhile is not the motion of some steps: that would be several metres a second."""
-    now, chance, sent, queue = own_time(monkeypatch), np.random.default_rng(2), 1000.0, deque[float](maxlen=10)
+    chance, sent, queue = np.random.default_rng(2), 1000.0, deque[float](maxlen=10)
 
     def stall() -> None:
         now[0] += chance.exponential(stalls[1]) if chance.random() < stalls[0] else 0.0
@@ -233,3 +232,37 @@ def test_stalls_of_the_loop_give_the_ground_no_velocity(
             return float(node.world.terrain.at(np.full((1, 2), 5.0), node.world.time).velocities[0])
 
         assert np.abs(node.play(now, 4.0, 0.0, rise, velocity)).max() < 2.0 * SPEED
+
+
+MAPPER = Path(__file__).parents[1] / "data" / "mapper"
+PARAMETERS = {"terrain.input": "grid_map", "terrain.motion": "hold", "bodies.odometry": ["rover=/odom"]}
+
+
+def test_it_is_taken_and_after_a_reset_again() -> None:
+    """Played again without a reset, its stamps run backwards."""
+    records = list(bags.read(MAPPER))
+    newest = {record.topic: record.data for record in records}
+    last = grid_map_raster(deserialize_message(newest["/elevation_map"], GridMap), RasterConfig())
+    place = deserialize_message(newest["/odom"], Odometry).pose.pose.position
+    with replayed(MAPPER, PARAMETERS, remap={"~/grid_map": "/elevation_map"}) as run:
+
+        def require_last() -> None:
+            points = run.world.patches().table().points_of(0)
+            heights = HeightMap(last.heights, geometry=last.geometry).at(points[:, :2], 0.0).heights
+            np.testing.assert_allclose(points[:, 2], heights, atol=1e-5)
+            np.testing.assert_allclose(points[:, :2].mean(axis=0), (place.x, place.y), atol=0.5)
+
+        def play(pause: float) -> dict[str, int]:
+            for record in records:
+                run.run(run.time + pause)
+                run.give(record.topic, record.data)
+            return run.refused
+
+        run.run()
+        require_last()
+        assert len(records) == 50 and not run.refused
+        before = play(0.0)
+        assert before.keys() == {"grid_map: stamp_backwards", "/odom: stamp_backwards"}
+        assert run.call("reset", Trigger.Request()).success
+        assert play(0.1) == before
+        require_last()

@@ -21,9 +21,8 @@ from std_msgs.msg import String
 from smartmesh_ros import BodyState
 from smartmesh_ros.node.services.files import allowed_folders
 from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
-from smartmesh_ros.tools.testing.replaying import replayed
 from smartmesh_ros.world import population
-from tests.node.shared import BALL, LATCHED, body_names, fed, refusals, show_level_ground, spawn
+from tests.node.shared import BALL, LATCHED, Logged, body_names, box, fed, on_level, refusals, show_level_ground, spawn
 from tests.urdfs import ROVER, joint, link, robot
 
 SHARED = {"bodies.urdf_folders": [tempfile.gettempdir()]}
@@ -62,7 +61,7 @@ def test_a_refused_robot_changes_nothing_whichever_way_it_comes(probe: Probe, tm
 def test_a_description_is_of_the_robot_that_is_there_or_of_a_new_one_in_its_place() -> None:
     start = {"robot.start": "{id: rover, xy: [4.0, 4.0], above: 0.25, yaw: 2.1}"}
     text = Path(ROVER).read_text()
-    with replayed([("heightmap", 0.0, heightmap_message(np.zeros((101, 101))))], start) as run:
+    with on_level(start) as run:
 
         def describe(what: str) -> BodyState:
             run.give("robot_description", String(data=what))
@@ -99,7 +98,7 @@ def test_the_packages_of_a_file_are_found_as_those_of_a_text(tmp_path: Path, mon
         "robot.start": "{id: robot, xy: [0, 0], above: 1.0}",
         "bodies.spawn": [f"{{id: spawned, urdf: {file}, xy: [4, 4], align: true}}"],
     }  # fmt: skip
-    with replayed([("heightmap", 0.0, heightmap_message(np.zeros((101, 101))))], parameters) as run:
+    with on_level(parameters) as run:
         run.run(0.1)
         for name, urdf in (("text", text), ("path", str(file)), ("uri", f"file://{file}"), ("local", local)):
             answer = run.call("spawn_body", SpawnBody.Request(id=name, urdf=urdf, pose=pose_message((2.0, 2.0, 9.0))))
@@ -115,22 +114,15 @@ def test_the_physics_steps_while_a_robot_is_prepared_and_put_onto_the_ground(sha
     """Hulls of thousands of vertices take a second; the states of another body go on arriving meanwhile."""
     show_level_ground(shared, 100)
     spawn(shared, "ball", (2.0, 2.0, 0.0), on_ground=True)
-    rng = np.random.default_rng(0)
-    points = rng.normal(size=(6000, 3))
+    points = np.random.default_rng(0).normal(size=(6000, 3))
     points *= 0.2 / np.linalg.norm(points, axis=1, keepdims=True)
     lines = [f"v {x} {y} {z}" for x, y, z in points] + [f"f {k} {k + 1} {k + 2}" for k in range(1, 5998, 3)]
     for number in range(3):  # distinct meshes, each of which is read
         (tmp_path / f"hull_{number}.obj").write_text("\n".join([*lines, f"v 0 0 {0.3 + 0.1 * number}", "f 1 2 6001"]))
     links = [link(f"l{k}", f'<mesh filename="{tmp_path}/hull_{k}.obj"/>') for k in range(3)]
     joints = [joint(f"j{k}", "fixed", "l0", f"l{k}") for k in (1, 2)]
-    client = shared.client("spawn_body", SpawnBody)
-    request = SpawnBody.Request(id="robot", urdf=robot(*links, *joints), on_ground=True)
-    request.pose.position.x = request.pose.position.y = 5.0
-    states = shared.received[shared.topic("body_states")]
-    before = len(states)
-    answer = client.call_async(request)
-    shared.wait_for(answer.done)
-    assert answer.result().success, answer.result().message
+    before = len(states := shared.received[shared.topic("body_states")])
+    spawn(shared, "robot", (5.0, 5.0, 0.0), urdf=robot(*links, *joints), on_ground=True)
     assert len(states) - before > 5
 
 
@@ -155,17 +147,14 @@ def test_robots_of_a_burst_are_measured_one_by_one(monkeypatch: pytest.MonkeyPat
 
 def test_every_body_is_described_while_it_is_there() -> None:
     """How late ones get the description: tests/node/test_robot_outputs.py."""
-    file = Path(pybullet_data.getDataPath()) / "r2d2.urdf"
-    text = Path(ROVER).read_text()
+    file, text = Path(pybullet_data.getDataPath()) / "r2d2.urdf", Path(ROVER).read_text()
     shapes = {
-        "box": SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.2, 0.4, 0.6]),
+        "box": box(0.2, 0.4, 0.6),
         "can": SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.8, 0.3]),
         "pill": SolidPrimitive(type=BodyDescription.CAPSULE, dimensions=[0.4, 0.1]),
     }
     given = {"bodies.spawn": [f"{{id: robot, urdf: {file}, xyz: [0, 4, 1]}}"], "bodies.timeout": 60.0}
-    with replayed(
-        [("heightmap", 0.0, heightmap_message(np.zeros((41, 41))))], given, keep=["body_descriptions"]
-    ) as run:
+    with on_level(given, keep=["body_descriptions"]) as run:
 
         def described() -> dict[str, BodyDescription]:
             run.run(run.time + 1.0)
@@ -190,10 +179,8 @@ def test_every_body_is_described_while_it_is_there() -> None:
 def test_texts_may_begin_with_a_byte_order_mark() -> None:
     """As files may, which editors on Windows write."""
     text = "\ufeff" + Path(ROVER).read_text()
-    with replayed(
-        [("heightmap", 0.0, heightmap_message(np.zeros((100, 100)))), ("robot_description", 0.1, String(data=text))],
-        {"robot.start": "{id: described, xy: [2.0, 2.0]}", "simulation_interfaces": True},
-    ) as run:
+    parameters = {"robot.start": "{id: described, xy: [2.0, 2.0]}", "simulation_interfaces": True}
+    with on_level(parameters, ("robot_description", 0.1, String(data=text))) as run:
         run.run(0.2)
         assert run.call("spawn_body", SpawnBody.Request(id="spawned", urdf=text)).success
         request = SpawnEntity.Request(name="entity")
@@ -202,13 +189,13 @@ def test_texts_may_begin_with_a_byte_order_mark() -> None:
         assert [*run.world.bodies] == ["described", "spawned", "entity"]
 
 
-def test_folders_that_do_not_exist_are_named(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_folders_that_do_not_exist_are_named(tmp_path: Path, logged: Logged) -> None:
     """At the start, and when they are set; one that is made later counts from then on, and ``~`` is one's home."""
     gone = str(tmp_path / "gone")
     with fed({"bodies.urdf_folders": [gone, "~"]}) as node:
-        said = capfd.readouterr().err
+        said = logged()
         assert f"no folder {gone};" in said and said.count("there is no folder") == 1
         assert not node.set("bodies.urdf_folders", [str(tmp_path), f"{gone}er"])
-        said = capfd.readouterr().err
+        said = logged()
         assert f"no folder {gone}er;" in said and said.count("there is no folder") == 1
         assert allowed_folders(replace(node.node.settings, urdf_folders=("~/robots",))) == (Path.home() / "robots",)

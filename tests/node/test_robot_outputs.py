@@ -1,7 +1,9 @@
-"""Names and outputs of robots: of those of one link as of others, under names that stay, and commands by these."""
+"""Names and outputs of robots: of those of one link as of others, under names that stay, and commands by these; frames
+on ``/tf``: of simulated bodies and robots, and never of others."""
 
 import math
-from collections.abc import Iterator
+from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -9,20 +11,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sensor_msgs.msg import JointState
+from simulation_interfaces import srv
 from simulation_interfaces.msg import Result
-from simulation_interfaces.srv import GetEntityBounds, GetEntityInfo, GetEntityState
 from smartmesh_msgs.msg import BodyDescriptionArray
+from std_srvs.srv import SetBool
+from tf2_msgs.msg import TFMessage
 
-from smartmesh_ros import BodyState, World
+from smartmesh_ros import BodyState, Sphere, World
+from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.node.inputs.conversions import RobotNames, joint_commands_from
-from smartmesh_ros.tools.testing import Probe, Process, heightmap_message
-from smartmesh_ros.tools.testing.replaying import replayed
+from smartmesh_ros.node.inputs.frames import FrameBuffer
+from smartmesh_ros.tools.testing import Probe
 from smartmesh_ros.world.joints import JointCommand
-from tests.node.shared import LATCHED, body_names, show_level_ground
+from tests.node.shared import LATCHED, body_names, changed, on_level, show_level_ground, transform_message
 from tests.node.shared import spawn as spawn_body
 from tests.urdfs import joint, link, robot
 
-SHARED = {"simulation_interfaces": True, "frame_id": "map"}
+SHARED = {"simulation_interfaces": True, "frame_id": "map", "publish.tf": 50.0}
 LIMIT = '<limit lower="-1" upper="1" effort="5" velocity="50"/>'
 BOX = '<box size="0.4 0.4 0.2"/>'
 BASE = link("base", BOX, 2.0, 2.0)
@@ -39,12 +44,11 @@ def spawn(probe: Probe, name: str, links: str, x: float = 2.0, **more: Any) -> N
     spawn_body(probe, name, (x, 2.0, 0.1), urdf=robot(links), **more)
 
 
-def test_robots_that_cannot_move_their_links_are_published(shared: Probe, shared_node: tuple[Probe, Process]) -> None:
+def test_robots_that_cannot_move_their_links_are_published(shared: Probe) -> None:
     kinds = list(STIFF)
     show_level_ground(shared)
     for place, kind in enumerate(kinds):
         spawn(shared, kind, STIFF[kind], 0.5 + place)
-    assert shared_node[1].process.poll() is None
     shared.wait_for(lambda: set(body_names(shared)) == set(kinds))
     described = shared.listen("body_descriptions", BodyDescriptionArray, LATCHED)  # late
     shared.wait_for(lambda: described and {body.id for body in described[-1].bodies} == set(kinds))
@@ -54,13 +58,9 @@ def test_robots_that_cannot_move_their_links_are_published(shared: Probe, shared
     places = {wrench.body_id: wrench.centre.z for wrench in shared.latest("contact_wrenches").wrenches}
     assert set(places) == {f"{kind}/base" for kind in kinds}
     assert np.isfinite(list(places.values())).all()
-    for kind in kinds:
-        for service, request in (
-            ("get_entity_state", GetEntityState),
-            ("get_entity_info", GetEntityInfo),
-            ("get_entity_bounds", GetEntityBounds),
-        ):
-            assert shared.call(service, request, entity=kind).result.result == Result.RESULT_OK
+    services = {"state": srv.GetEntityState, "info": srv.GetEntityInfo, "bounds": srv.GetEntityBounds}
+    for kind, (what, request) in product(kinds, services.items()):
+        assert shared.call(f"get_entity_{what}", request, entity=kind).result.result == Result.RESULT_OK
     for topic in ("patches", "collider_patches", "contacts"):
         shared.latest(topic)
 
@@ -73,37 +73,6 @@ ARM = (
     + joint("slide", "prismatic", "arm", "slider", LIMIT, "0 0 0", "1 0 0")
 )
 JOINTS = ["hinge", "slide"]
-
-
-def test_names_stay_whatever_robots_come_and_go() -> None:
-    ground = ("heightmap", 0.0, heightmap_message(np.zeros((60, 60))))
-    with replayed([ground], keep=["joint_states", "odometry"]) as run:
-
-        def names(*, joints: list[str], roots: set[str]) -> bool:
-            """Whether these are the names of joints, and the child frames of the odometry."""
-            run.received("odometry").clear()
-            run.run(run.time + 0.1)
-            found = {message.child_frame_id for message in run.received("odometry")[2:]}
-            return list(run.received("joint_states")[-1].name) == joints and found == roots
-
-        def add(name: str, links: str, x: float) -> None:
-            run.world.spawn_robot(name, robot(links), BodyState((x, 2.0, 0.1)))
-
-        add("one", ARM, 0.7)
-        assert names(joints=JOINTS, roots={"base"})
-        add("two", ARM, 1.7)
-        add("three", STIFF["one_link"], 2.5)
-        prefixed = [f"two/{joint}" for joint in JOINTS]
-        assert names(joints=JOINTS + prefixed, roots={"base", "two/base", "three/base"})
-        # What was published as a name is taken as one: it means the first robot, not whichever is alone.
-        run.give("joint_commands", JointState(name=["hinge", "two/hinge"], position=[0.4, -0.4]))
-        run.run(run.time + 1.0)
-        turned = run.received("joint_states")[-1].position
-        assert (turned[0], turned[2]) == pytest.approx((0.4, -0.4), abs=0.02)
-        run.world.remove("one")
-        assert names(joints=prefixed, roots={"two/base", "three/base"})
-        add("four", ARM, 0.7)
-        assert names(joints=prefixed + JOINTS, roots={"base", "two/base", "three/base"})
 
 
 def unlike(prefix: str) -> str:
@@ -143,16 +112,12 @@ def test_robots_have_the_names_of_their_urdf_where_these_are_distinct(changes: l
 NAN = math.nan
 
 
-@pytest.fixture
-def world() -> Iterator[World]:
-    with World() as made:
-        made.spawn_robot("one", robot(ARM), BodyState((0.0, 0.0, 1.0)))
-        yield made
-
-
-def commands(world: World, **fields: Any) -> list[tuple[str, str, JointCommand]]:
-    message = JointState(**{"name": JOINTS, **fields})
-    return joint_commands_from(message, world, RobotNames(world, always=False).prefixes())
+def commands(*, always: bool, **fields: Any) -> list[tuple[str, str, JointCommand]]:
+    """Those of a message to a robot that is alone."""
+    with World() as world:
+        world.spawn_robot("one", robot(ARM), BodyState((0.0, 0.0, 1.0)))
+        message = JointState(**{"name": JOINTS, **fields})
+        return joint_commands_from(message, world, RobotNames(world, always=always).prefixes())
 
 
 @pytest.mark.parametrize(
@@ -168,16 +133,131 @@ def commands(world: World, **fields: Any) -> list[tuple[str, str, JointCommand]]
         ({}, {"hinge": JointCommand(), "slide": JointCommand()}),
     ],
 )
-def test_nan_is_no_command_for_an_interface(world: World, fields: Any, wanted: dict[str, JointCommand]) -> None:
+def test_nan_is_no_command_for_an_interface(fields: Any, wanted: dict[str, JointCommand]) -> None:
     """As ros2_control's topic bridge sends it for mixed robots. Nothing but NaN is no command, not one to be free."""
-    assert {joint: command for _, joint, command in commands(world, **fields)} == wanted
+    assert {joint: command for _, joint, command in commands(always=False, **fields)} == wanted
 
 
 def test_every_robot_has_a_prefix_by_a_parameter() -> None:
-    """One that is alone takes both names in commands."""
-    with World() as world:
-        world.spawn_robot("one", robot(ARM), BodyState((0.0, 0.0, 1.0)))
-        prefixes = RobotNames(world, always=True).prefixes()
-        assert prefixes == {"one": "one/"}
-        message = JointState(name=["hinge", "one/slide"], position=[0.4, 0.1])
-        assert [joint for _, joint, _ in joint_commands_from(message, world, prefixes)] == JOINTS
+    """One that is alone takes both names in commands. Its frames: test_scene.py."""
+    found = commands(always=True, name=["hinge", "one/slide"], position=[0.4, 0.1])
+    assert [joint for _, joint, _ in found] == JOINTS
+
+
+TF, NAME = "/tf", "terrain_collider"
+
+
+def parents(probe: Probe, messages: int = 3) -> dict[str, str]:
+    """Parents by frame, in the next messages on /tf."""
+    received = probe.listen(TF, TFMessage)
+    seen = len(received)
+    probe.wait_for(lambda: len(received) >= seen + messages)
+    return {item.child_frame_id: item.header.frame_id for message in received[seen:] for item in message.transforms}
+
+
+def buffer_of(*messages: TFMessage) -> FrameBuffer:
+    """All frames of some messages."""
+    buffer = FrameBuffer()
+    for item in (item for message in messages for item in message.transforms):
+        t, q = item.transform.translation, item.transform.rotation
+        pose = Transform((t.x, t.y, t.z), (q.x, q.y, q.z, q.w))
+        buffer.add(item.header.frame_id, item.child_frame_id, pose, None)
+    return buffer
+
+
+def test_a_link_that_is_named_like_a_body_has_the_prefix_of_its_robot() -> None:
+    with on_level({"publish.tf": 50.0}, keep=["/tf"]) as run:
+        run.world.spawn("base", Sphere(0.2), 1.0, BodyState((2.0, 1.0, 0.5)))
+        run.world.spawn_robot("robot", robot(ARM), BodyState((0.7, 2.0, 0.1)))
+        run.run(2.0)
+        frames = run.received("/tf")[-1].transforms
+        assert {frame.child_frame_id: frame.header.frame_id for frame in frames} == {
+            "base": "map", "robot/base": "map", "robot/arm": "robot/base", "robot/slider": "robot/arm",
+            "robot": "robot/base",
+        }  # fmt: skip
+
+
+def test_names_stay_whatever_robots_come_and_go_and_frames_are_where_bodies_and_links_are() -> None:
+    with on_level({"publish.tf": 50.0}, keep=["/tf", "joint_states", "odometry"]) as run:
+
+        def add(name: str, links: str, x: float) -> None:
+            run.world.spawn_robot(name, robot(links), BodyState((x, 2.0, 0.1)))
+
+        def require(joints: list[str], frames: dict[str, str]) -> FrameBuffer:
+            """Names of joints; frames and their parents, each once, where the odometry says."""
+            run.run(run.time + 1.5)
+            message, poses = run.received("/tf")[-1], run.received("odometry")
+            assert list(run.received("joint_states")[-1].name) == joints
+            assert {item.child_frame_id: item.header.frame_id for item in message.transforms} == frames
+            assert len(message.transforms) == len(frames)
+            roots = {one.child_frame_id: one for one in poses if one.header.stamp == poses[-1].header.stamp}
+            assert roots.keys() == {name for name in frames if frames[name] == "map"} - run.world.bodies.keys()
+            for name, root in roots.items():
+                place = root.pose.pose.position
+                found, _ = buffer_of(message).lookup("map", name)
+                assert found.translation == pytest.approx((place.x, place.y, place.z), abs=1e-3)
+            return buffer_of(message)
+
+        run.world.track("tracked", 0.3, BodyState((1.0, 1.0, 0.3)))
+        run.world.spawn("ball", Sphere(0.2), 1.0, BodyState((2.0, 1.0, 0.5)))
+        add("one", ARM, 0.7)
+        wanted = {"ball": "map", "base": "map", "arm": "base", "slider": "arm", "one": "base"}
+        require(JOINTS, wanted)
+        add("two", ARM, 1.7)
+        add("stiff", STIFF["fixed_links"], 2.5)
+        more = {"two/base": "map", "two/arm": "two/base", "two/slider": "two/arm", "two": "two/base"}
+        more |= {"stiff/base": "map", "stiff/lidar": "stiff/base", "stiff": "stiff/base"}
+        prefixed = [f"two/{joint}" for joint in JOINTS]
+        # What was published as a name is taken as one: it means the first robot, not whichever is alone.
+        run.give("joint_commands", JointState(name=["hinge", "slide", "two/hinge"], position=[0.5, 0.2, -0.4]))
+        buffer = require(JOINTS + prefixed, wanted | more)
+        turn, shift, other, _ = run.received("joint_states")[-1].position
+        assert (turn, shift, other) == pytest.approx((0.5, 0.2, -0.4), abs=0.02)
+        there = (0.1 + np.cos(turn) * shift, 0.2 + np.sin(turn) * shift, 0.3)
+        assert buffer.lookup("base", "slider")[0].translation == pytest.approx(there, abs=1e-3)
+        run.world.remove("one")
+        require(prefixed, {"ball": "map"} | more)
+        # No frame has two parents: of a body that is called as a link of the robot without prefix.
+        add("slider", ARM.replace('"arm"', '"leaf"').replace('"base"', '"stem"'), 0.7)
+        run.world.spawn("leaf", Sphere(0.2), 1.0, BodyState((2.0, 1.5, 0.5)))
+        require(prefixed + JOINTS, {"ball": "map", "stem": "map", "leaf": "stem", "slider": "leaf"} | more)
+
+
+def test_frames_of_others_are_left_to_them(shared: Probe) -> None:
+    """Of a robot_state_publisher, of a localisation, and above the map."""
+    show_level_ground(shared)
+    links = ARM.replace('"base"', '"trunk"').replace('"arm"', '"limb"').replace('"slider"', '"hand"')
+    spawn(shared, "one", links, 0.7)
+    shared.wait_for(lambda: {"trunk", "limb", "hand", "one"} <= parents(shared).keys())
+    publisher = shared.node.create_publisher(TFMessage, TF, 10)
+    latched = shared.node.create_publisher(TFMessage, "/tf_static", LATCHED)
+
+    item = partial(transform_message, shared)
+    latched.publish(TFMessage(transforms=[item("trunk", "limb")]))
+    shared.wait_for(lambda: parents(shared) == {"trunk": "map", "hand": "limb", "one": "trunk"})
+    publisher.publish(TFMessage(transforms=[item("earth", "map"), item("odom", "/trunk")]))
+    shared.wait_for(lambda: parents(shared) == {"hand": "limb", "one": "trunk"})
+    # A body that is called as a frame above the terrain's would make a loop of the tree.
+    for name in ("earth", "map"):
+        spawn_body(shared, name)
+    spawn_body(shared, "ball")
+    shared.wait_for(lambda: parents(shared) == {"hand": "limb", "one": "trunk", "ball": "map"})
+    shared.wait_for(lambda: parents(shared).get("trunk") == "map")  # nobody publishes it any more
+
+
+def test_the_rate_may_change_and_a_clock_that_stands_still_sends_nothing(shared: Probe) -> None:
+    show_level_ground(shared)
+    spawn(shared, "stiff", STIFF["one_link"])
+    shared.wait_for(lambda: "stiff" in parents(shared))
+    with changed(shared, {"publish.tf": 0.0}):
+        shared.wait_for(lambda: NAME not in {peer.node_name for peer in shared.node.get_publishers_info_by_topic(TF)})
+    shared.wait_for(lambda: "stiff" in parents(shared))
+    with changed(shared, {"publish.clock": 100.0}):
+        assert shared.call("pause", SetBool, data=True).success
+        received = shared.received[TF]
+        for count in (3, 20):
+            received.clear()
+            for _ in range(count):
+                shared.latest("body_states")
+        stamps = [(stamp.sec, stamp.nanosec) for stamp in (message.transforms[0].header.stamp for message in received)]
+        assert len(set(stamps)) == len(stamps), "tf2 warns of a frame that comes twice at one time"

@@ -7,24 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped, Twist, Vector3
-from simulation_interfaces import srv
-from simulation_interfaces.msg import (
-    Bounds,
-    EntityCategory,
-    EntityFilters,
-    EntityInfo,
-    EntityState,
-    Resource,
-    Result,
-    SimulationState,
-    SimulatorFeatures,
-    SpawnResult,
-    TagsFilter,
-)
-from simulation_interfaces.msg import SpawnEntity as Wanted
+from simulation_interfaces import msg, srv
+from simulation_interfaces.msg import Result, SimulationState
 
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, pose_message
 from tests.node.shared import changed
+from tests.urdfs import link, mesh, robot
 
 ROVER = Path(__file__).parent.parent / "data" / "rover.urdf"
 OK = Result.RESULT_OK
@@ -41,13 +29,19 @@ def ask(probe: Probe, service: str, **fields: Any) -> Any:
     return probe.call(service, getattr(srv, service.title().replace("_", "")), **fields)
 
 
+def done(probe: Probe, service: str, **fields: Any) -> Any:
+    """Calls one that must succeed."""
+    answer = ask(probe, service, **fields)
+    assert answer.result.result == OK, answer.result.error_message
+    return answer
+
+
 def state(probe: Probe) -> int:
     return int(ask(probe, "get_simulation_state").state.state)
 
 
 def set_state(probe: Probe, wanted: int) -> int:
-    result = ask(probe, "set_simulation_state", state=SimulationState(state=wanted)).result
-    return int(result.result)
+    return int(ask(probe, "set_simulation_state", state=SimulationState(state=wanted)).result.result)
 
 
 def spawn(probe: Probe, **fields: Any) -> Any:
@@ -55,16 +49,13 @@ def spawn(probe: Probe, **fields: Any) -> Any:
 
 
 def entities(probe: Probe, **filters: Any) -> list[str]:
-    answer = ask(probe, "get_entities", filters=EntityFilters(**filters))
-    assert answer.result.result == OK, answer.result.error_message
-    return list(answer.entities)
+    return list(done(probe, "get_entities", filters=msg.EntityFilters(**filters)).entities)
 
 
 def pose_of(probe: Probe, name: str) -> tuple[float, float, float]:
-    answer = ask(probe, "get_entity_state", entity=name)
-    assert answer.result.result == OK, answer.result.error_message
-    assert answer.state.header.frame_id == "map"
-    p = answer.state.pose.position
+    found = done(probe, "get_entity_state", entity=name).state
+    assert found.header.frame_id == "map"
+    p = found.pose.position
     return p.x, p.y, p.z
 
 
@@ -76,32 +67,30 @@ def placed(x: float, y: float, z: float, frame: str = "") -> PoseStamped:
 
 def with_mesh(name: str) -> str:
     """A robot whose only shape is the mesh in a file."""
-    mesh = f'<collision><geometry><mesh filename="{name}"/></geometry></collision>'
-    return f'<robot name="m"><link name="l">{mesh}</link></robot>'
+    return robot(link("l", mesh(name), None))
 
 
 @pytest.fixture
 def started(shared: Probe) -> Probe:
     """The shared node, as if it had been started again: earlier tests took its body ``ball`` away."""
-    scope = srv.ResetSimulation.Request.SCOPE_DEFAULT
-    assert ask(shared, "reset_simulation", scope=scope).result.result == OK
+    done(shared, "reset_simulation", scope=srv.ResetSimulation.Request.SCOPE_DEFAULT)
     return shared
 
 
 def test_entities_come_move_and_go(started: Probe) -> None:
     r = srv.SpawnEntity.Response
     assert set_state(started, SimulationState.STATE_PAUSED) == OK
-    answer = spawn(started, uri=f"file://{ROVER}", name="truck", initial_pose=placed(1.0, 2.0, 3.0, "map"))
-    assert (answer.result.result, answer.entity_name) == (OK, "truck"), answer.result.error_message
+    truck = {"uri": f"file://{ROVER}", "name": "truck", "initial_pose": placed(1.0, 2.0, 3.0, "map")}
+    assert done(started, "spawn_entity", **truck).entity_name == "truck"
     assert pose_of(started, "truck") == pytest.approx((1.0, 2.0, 3.0), abs=1e-6), "its base's frame"
     text = ROVER.read_text()
     assert spawn(started, resource_string=text, initial_pose=placed(5.0, 2.0, 3.0)).entity_name == "rover"
-    again = spawn(started, resource_string=text, allow_renaming=True, initial_pose=placed(9.0, 2.0, 3.0))
-    assert (again.result.result, again.entity_name) == (OK, "rover_1")
+    again = {"resource_string": text, "allow_renaming": True}
+    assert done(started, "spawn_entity", **again, initial_pose=placed(9.0, 2.0, 3.0)).entity_name == "rover_1"
     for end in ("x", "_1"):
-        longest = spawn(started, resource_string=text, name="x" * 256, allow_renaming=True)
-        assert longest.entity_name == "x" * (256 - len(end)) + end
-        assert ask(started, "get_entity_info", entity=longest.entity_name).result.result == OK
+        longest = spawn(started, **again, name="x" * 256).entity_name
+        assert longest == "x" * (256 - len(end)) + end
+        done(started, "get_entity_info", entity=longest)
     invalid = placed(0.0, 0.0, 0.0)
     invalid.pose.orientation.w = 0.0
     for code, fields in (
@@ -129,9 +118,9 @@ def test_entities_come_move_and_go(started: Probe) -> None:
         assert (answer.result.result, bool(answer.result.error_message)) == (code, True), fields
     assert entities(started, filter="^[^x]*$") == ["ball", "truck", "rover", "rover_1"]
 
-    moved = EntityState(pose=pose_message((3.0, 4.0, 5.0)), twist=Twist(linear=Vector3(x=1.5)))
+    moved = msg.EntityState(pose=pose_message((3.0, 4.0, 5.0)), twist=Twist(linear=Vector3(x=1.5)))
     moved.pose.orientation.z, moved.pose.orientation.w = math.sin(0.5), math.cos(0.5)
-    assert ask(started, "set_entity_state", entity="rover", state=moved).result.result == OK
+    done(started, "set_entity_state", entity="rover", state=moved)
     assert pose_of(started, "rover") == pytest.approx((3.0, 4.0, 5.0), abs=1e-6)
     twist = ask(started, "get_entity_state", entity="rover").state.twist
     assert (twist.linear.x, twist.linear.y) == pytest.approx((1.5, 0.0), abs=1e-6)
@@ -141,7 +130,7 @@ def test_entities_come_move_and_go(started: Probe) -> None:
         assert refused.result == srv.SetEntityState.Response.INVALID_POSE
     assert pose_of(started, "rover") == pytest.approx((3.0, 4.0, 5.0), abs=1e-6)
 
-    assert ask(started, "delete_entity", entity="truck").result.result == OK
+    done(started, "delete_entity", entity="truck")
     for service in ("delete_entity", "get_entity_state", "set_entity_state", "get_entity_info", "get_entity_bounds"):
         gone = ask(started, service, entity="truck").result
         assert (gone.result, "truck" in gone.error_message) == (Result.RESULT_NOT_FOUND, True), service
@@ -150,69 +139,68 @@ def test_entities_come_move_and_go(started: Probe) -> None:
 
 def test_many_entities_come_by_one_call_and_are_described(started: Probe) -> None:
     set_state(started, SimulationState.STATE_PAUSED)
-    text = Resource(resource_string=ROVER.read_text())
+    text = msg.Resource(resource_string=ROVER.read_text())
     wanted = [
-        Wanted(name=name, entity_resource=resource, initial_pose=placed(x, 2.0, 3.0))
-        for name, resource, x in (("a", text, 5.0), ("a", text, 6.0), ("b", Resource(uri=str(ROVER)), 7.0))
+        msg.SpawnEntity(name=name, entity_resource=resource, initial_pose=placed(x, 2.0, 3.0))
+        for name, resource, x in (("a", text, 5.0), ("a", text, 6.0), ("b", msg.Resource(uri=str(ROVER)), 7.0))
     ]
     answer = ask(started, "spawn_entities", spawn_requests=wanted)
     assert answer.result.result == srv.SpawnEntities.Response.ENTITIES_SPAWN_FAILED
-    assert [one.result.result for one in answer.results] == [OK, SpawnResult.NAME_NOT_UNIQUE, OK]
+    assert [one.result.result for one in answer.results] == [OK, msg.SpawnResult.NAME_NOT_UNIQUE, OK]
     assert [one.entity_name for one in answer.results] == ["a", "", "b"]
-    last = Wanted(name="c", entity_resource=text, initial_pose=placed(9.0, 2.0, 3.0))
-    assert ask(started, "spawn_entities", spawn_requests=[last]).result.result == OK
+    last = msg.SpawnEntity(name="c", entity_resource=text, initial_pose=placed(9.0, 2.0, 3.0))
+    done(started, "spawn_entities", spawn_requests=[last])
 
-    states = ask(started, "get_entities_states", filters=EntityFilters(filter="^[ab]$"))
-    assert (states.result.result, states.entities) == (OK, ["a", "b"])
+    states = done(started, "get_entities_states", filters=msg.EntityFilters(filter="^[ab]$"))
+    assert states.entities == ["a", "b"]
     assert [state.pose.position.x for state in states.states] == pytest.approx([5.0, 7.0], abs=1e-6)
     bounds = ask(started, "get_entity_bounds", entity="ball").bounds
     high, low = ((point.x, point.y, point.z) for point in bounds.points)
-    assert bounds.type == Bounds.TYPE_BOX
+    assert bounds.type == msg.Bounds.TYPE_BOX
     assert (high, low) == (pytest.approx((0.2, 0.2, 0.2)), pytest.approx((-0.2, -0.2, -0.2)))
 
 
 def test_entities_have_what_clients_say_of_them(started: Probe) -> None:
     spawn(started, uri=str(ROVER), name="rover", initial_pose=placed(5.0, 2.0, 9.0))
-    robot, other, static = (
-        EntityCategory(category=getattr(EntityCategory, f"CATEGORY_{name}"))
+    machine, other, static = (
+        msg.EntityCategory(category=getattr(msg.EntityCategory, f"CATEGORY_{name}"))
         for name in ("ROBOT", "OBJECT", "STATIC_OBJECT")
     )
     infos = [ask(started, "get_entity_info", entity=name).info for name in ("rover", "ball")]
-    assert [info.category for info in infos] == [robot, other]
-    own = EntityInfo(category=static, description="a mark", tags=["red", "round"])
-    assert ask(started, "set_entity_info", entity="ball", info=own).result.result == OK
+    assert [info.category for info in infos] == [machine, other]
+    own = msg.EntityInfo(category=static, description="a mark", tags=["red", "round"])
+    done(started, "set_entity_info", entity="ball", info=own)
     assert ask(started, "get_entity_info", entity="ball").info == own
-    unknown = EntityInfo(category=EntityCategory(category=77))
+    unknown = msg.EntityInfo(category=msg.EntityCategory(category=77))
     assert ask(started, "set_entity_info", entity="ball", info=unknown).result.result == Result.RESULT_OPERATION_FAILED
-    every, some = TagsFilter.FILTER_MODE_ALL, TagsFilter.FILTER_MODE_ANY
+    every, some = msg.TagsFilter.FILTER_MODE_ALL, msg.TagsFilter.FILTER_MODE_ANY
     for expected, filters in (
-        (["ball", "rover"], {"categories": [static, robot]}),
+        (["ball", "rover"], {"categories": [static, machine]}),
         ([], {"categories": [other]}),
-        (["ball"], {"tags": TagsFilter(tags=["red", "blue"], filter_mode=some)}),
-        ([], {"tags": TagsFilter(tags=["red", "blue"], filter_mode=every)}),
-        (["ball"], {"tags": TagsFilter(tags=["red", "round"], filter_mode=every), "filter": "^[[:alpha:]]+$"}),
-        ([], {"tags": TagsFilter(tags=["red"]), "filter": "^[^[:lower:]]"}),
+        (["ball"], {"tags": msg.TagsFilter(tags=["red", "blue"], filter_mode=some)}),
+        ([], {"tags": msg.TagsFilter(tags=["red", "blue"], filter_mode=every)}),
+        (["ball"], {"tags": msg.TagsFilter(tags=["red", "round"], filter_mode=every), "filter": "^[[:alpha:]]+$"}),
+        ([], {"tags": msg.TagsFilter(tags=["red"]), "filter": "^[^[:lower:]]"}),
     ):
         assert sorted(entities(started, **filters)) == expected, filters
-    assert ask(started, "reset_simulation", scope=srv.ResetSimulation.Request.SCOPE_ALL).result.result == OK
+    done(started, "reset_simulation", scope=srv.ResetSimulation.Request.SCOPE_ALL)
     assert ask(started, "get_entity_info", entity="ball").info == infos[1], "as at the start"
 
 
 def test_poses_are_taken_in_the_frame_of_an_entity(started: Probe) -> None:
     set_state(started, SimulationState.STATE_PAUSED)
-    turned = EntityState(pose=pose_message((2.0, 2.0, 9.0), math.pi / 2))
-    assert ask(started, "set_entity_state", entity="ball", state=turned).result.result == OK
-    answer = spawn(started, uri=str(ROVER), name="rover", initial_pose=placed(1.0, 0.0, 0.5, "ball"))
-    assert answer.result.result == OK, answer.result.error_message
+    turned = msg.EntityState(pose=pose_message((2.0, 2.0, 9.0), math.pi / 2))
+    done(started, "set_entity_state", entity="ball", state=turned)
+    done(started, "spawn_entity", uri=str(ROVER), name="rover", initial_pose=placed(1.0, 0.0, 0.5, "ball"))
     assert pose_of(started, "rover") == pytest.approx((2.0, 3.0, 9.5), abs=1e-6)
-    moving = EntityState(pose=pose_message((0.0, 1.0, 0.0)), twist=Twist(linear=Vector3(x=1.0)))
+    moving = msg.EntityState(pose=pose_message((0.0, 1.0, 0.0)), twist=Twist(linear=Vector3(x=1.0)))
     moving.header.frame_id = "ball"
-    assert ask(started, "set_entity_state", entity="rover", state=moving).result.result == OK
+    done(started, "set_entity_state", entity="rover", state=moving)
     assert pose_of(started, "rover") == pytest.approx((1.0, 2.0, 9.0), abs=1e-6)
     linear = ask(started, "get_entity_state", entity="rover").state.twist.linear
     assert (linear.x, linear.y) == pytest.approx((0.0, 1.0), abs=1e-6)
     moving.header.frame_id = "world"  # the standard's name of the global frame, which is "map" here
-    assert ask(started, "set_entity_state", entity="rover", state=moving).result.result == OK
+    done(started, "set_entity_state", entity="rover", state=moving)
     assert pose_of(started, "rover") == pytest.approx((0.0, 1.0, 0.0), abs=1e-6)
 
 
@@ -223,37 +211,37 @@ def test_entities_are_filtered_by_name_and_place(started: Probe) -> None:
         assert entities(started, filter="^rover_[ab]$") == ["rover_a", "rover_b"]
         assert entities(started, filter="all") == ["ball"]
 
-        def sphere(x: float, radius: float) -> Bounds:
-            return Bounds(type=Bounds.TYPE_SPHERE, points=[Vector3(x=x, y=2.0, z=9.0), Vector3(x=radius)])
+        def sphere(x: float, radius: float) -> msg.Bounds:
+            return msg.Bounds(type=msg.Bounds.TYPE_SPHERE, points=[Vector3(x=x, y=2.0, z=9.0), Vector3(x=radius)])
 
         started.publish_map(np.zeros((50, 50)))
         assert entities(started, bounds=sphere(2.0, 1.0)) == ["ball"]
         assert entities(started, bounds=sphere(3.0, 0.7)) == [], "the ball ends at 2.2 m"
         assert entities(started, bounds=sphere(6.5, 1.2)) == ["rover_a", "rover_b"]
-        box = Bounds(type=Bounds.TYPE_BOX, points=[Vector3(x=9.0, y=3.0, z=10.0), Vector3(x=7.0, y=1.0, z=8.0)])
+        box = msg.Bounds(type=msg.Bounds.TYPE_BOX, points=[Vector3(x=9.0, y=3.0, z=10.0), Vector3(x=7.0, y=1.0, z=8.0)])
         assert entities(started, bounds=box) == ["rover_b"]
         for code, filters in (
-            (Result.RESULT_FEATURE_UNSUPPORTED, {"bounds": Bounds(type=Bounds.TYPE_CONVEX_HULL)}),
-            (Result.RESULT_OPERATION_FAILED, {"bounds": Bounds(type=Bounds.TYPE_SPHERE)}),
+            (Result.RESULT_FEATURE_UNSUPPORTED, {"bounds": msg.Bounds(type=msg.Bounds.TYPE_CONVEX_HULL)}),
+            (Result.RESULT_OPERATION_FAILED, {"bounds": msg.Bounds(type=msg.Bounds.TYPE_SPHERE)}),
             (Result.RESULT_OPERATION_FAILED, {"bounds": sphere(math.nan, 1.0)}),
             (Result.RESULT_OPERATION_FAILED, {"bounds": sphere(2.0, -1.0)}),
             (Result.RESULT_OPERATION_FAILED, {"filter": "[[:digits:]]"}),
             (Result.RESULT_OPERATION_FAILED, {"filter": "(" * 9999}),
         ):
-            answer = ask(started, "get_entities", filters=EntityFilters(**filters))
+            answer = ask(started, "get_entities", filters=msg.EntityFilters(**filters))
             assert answer.result.result == code
 
 
 def test_a_reset_has_the_scope_that_is_asked_for(started: Probe) -> None:
     def reset(scope: int) -> None:
-        assert ask(started, "reset_simulation", scope=scope).result.result == OK
+        done(started, "reset_simulation", scope=scope)
 
     with changed(started, {"bodies.timeout": 600.0}):
         set_state(started, SimulationState.STATE_PAUSED)
         spawn(started, uri=str(ROVER), name="rover", initial_pose=placed(5.0, 2.0, 9.0))
         started.publish_bodies({"guest": (1.0, 1.0, 1.0)})
         started.wait_for(lambda: "guest" in entities(started))
-        dictated = ask(started, "set_entity_state", entity="guest", state=EntityState()).result
+        dictated = ask(started, "set_entity_state", entity="guest", state=msg.EntityState()).result
         assert (dictated.result, "dictated" in dictated.error_message) == (Result.RESULT_OPERATION_FAILED, True)
         ask(started, "step_simulation", steps=48)
         low = pose_of(started, "ball")[2]
@@ -274,10 +262,9 @@ def test_a_reset_has_the_scope_that_is_asked_for(started: Probe) -> None:
 
 def test_the_simulation_plays_pauses_steps_and_stops(started: Probe, shared_node: tuple[Probe, Process]) -> None:
     """The last test of this file, because the node ends."""
-    s = SimulationState
+    s, f = SimulationState, msg.SimulatorFeatures
     features = ask(started, "get_simulator_features").features
-    known = {value for name, value in vars(SimulatorFeatures).items() if name.isupper() and isinstance(value, int)}
-    f = SimulatorFeatures
+    known = {value for name, value in vars(f).items() if name.isupper() and isinstance(value, int)}
     assert known - set(features.features) == {f.POSE_BOUNDS, f.ENTITY_BOUNDS_CONVEX, f.WORLD_TAGS}
     assert features.spawn_formats == ["urdf"]
     assert state(started) == s.STATE_PLAYING
@@ -287,7 +274,7 @@ def test_the_simulation_plays_pauses_steps_and_stops(started: Probe, shared_node
     assert state(started) == s.STATE_STOPPED
     assert pose_of(started, "ball") == (2.0, 2.0, 9.0), "reset"
     assert set_state(started, s.STATE_PAUSED) == OK
-    assert ask(started, "step_simulation", steps=24).result.result == OK
+    done(started, "step_simulation", steps=24)
     fallen = 9.0 - 9.81 / 240.0**2 * 24 * 25 / 2
     assert pose_of(started, "ball")[2] == pytest.approx(fallen, abs=1e-6)
     assert state(started) == s.STATE_PAUSED

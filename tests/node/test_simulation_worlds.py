@@ -19,18 +19,8 @@ from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import Probe, heightmap_message
 from smartmesh_ros.tools.testing.replaying import replayed
 from tests.node.shared import changed, fed
-from tests.node.test_simulation_services import (
-    OK,
-    ROVER,
-    ask,
-    entities,
-    placed,
-    pose_of,
-    set_state,
-    spawn,
-    state,
-    with_mesh,
-)
+from tests.node.test_simulation_services import OK, ROVER, ask, done, entities, placed, pose_of, set_state, state
+from tests.urdfs import link, mesh, robot
 
 SHARED = {"simulation_interfaces": True, "frame_id": "map", "raster.resolution": 0.25}
 L = srv.LoadWorld.Response
@@ -57,10 +47,6 @@ def scene(path: Path, **parameters: Any) -> None:
     path.write_text(yaml.safe_dump({"/**": {"ros__parameters": parameters}}))
 
 
-def load(probe: Probe, path: Path | str, **options: bool) -> Any:
-    return ask(probe, "load_world", uri=str(path), **options)
-
-
 def height(probe: Probe, x: float) -> float:
     """Height of the ground at (x, 1) [m]."""
     set_state(probe, SimulationState.STATE_PLAYING)
@@ -75,14 +61,12 @@ def test_a_world_takes_the_place_of_another(shared: Probe, worlds: Path) -> None
     assert ask(shared, "unload_world").result.result == none
     shared.publish_map(np.zeros((9, 9)))
     shared.wait_for(lambda: ask(shared, "get_current_world").world.name == "topics")
-    available = ask(shared, "get_available_worlds")
-    assert available.result.result == OK
-    assert [world.name for world in available.worlds] == ["scene", "slope"]
-    spawn(shared, uri=str(worlds / "rover.urdf"), name="old", initial_pose=placed(1.0, 1.0, 1.0))
+    available = done(shared, "get_available_worlds").worlds
+    assert [world.name for world in available] == ["scene", "slope"]
+    done(shared, "spawn_entity", uri=str(worlds / "rover.urdf"), name="old", initial_pose=placed(1.0, 1.0, 1.0))
 
-    answer = load(shared, available.worlds[0].world_resource.uri)
-    assert (answer.result.result, answer.result.error_message) == (OK, "")
-    assert (answer.world.name, state(shared)) == ("scene", s.STATE_STOPPED)
+    answer = done(shared, "load_world", uri=available[0].world_resource.uri)
+    assert (answer.world.name, answer.result.error_message, state(shared)) == ("scene", "", s.STATE_STOPPED)
     assert ask(shared, "get_current_world").world == answer.world
     assert set(entities(shared)) == {"ball", "rover"}
     assert pose_of(shared, "ball") == pytest.approx((2.0, 1.0, 0.4 + 0.5), abs=1e-6), "cells of 0.5 m, by its file"
@@ -98,7 +82,7 @@ def test_a_world_takes_the_place_of_another(shared: Probe, worlds: Path) -> None
     assert shared.call("start_episode", StartEpisode, seed=1).success
     assert height(shared, 4.0) == pytest.approx(1.6, abs=1e-6), "an episode begins with the new world"
 
-    assert ask(shared, "unload_world").result.result == OK
+    done(shared, "unload_world")
     assert ask(shared, "get_current_world").result.result == none
     assert state(shared) == s.STATE_NO_WORLD
     r = srv.SetSimulationState.Response
@@ -116,14 +100,14 @@ def test_a_world_that_is_refused_changes_nothing(shared: Probe, worlds: Path) ->
     scene(worlds / "nul.yaml", **{"terrain.file": "a\0b.npy"})
     (worlds / "bad.urdf").write_text("<robot")
     scene(worlds / "no_file.yaml", **{"bodies.spawn": ["{id: a, urdf: bare.urdf, xyz: [0, 0, 1]}", BALL]})
-    (worlds / "bare.urdf").write_text(with_mesh("no_such.stl"))
+    (worlds / "bare.urdf").write_text(robot(link("l", mesh("no_such.stl"), None)))
     scene(worlds / "twice.yaml", **{"bodies.spawn": [BALL, BALL]})
     scene(worlds / "type.yaml", **{"terrain.file": "slope.npy", "raster.resolution": "fine"})
     bomb = "".join(f"  a{k}: &a{k} {{l: *a{k - 1}, r: *a{k - 1}}}\n" for k in range(1, 40))
     (worlds / "alias.yaml").write_text(f"ros__parameters:\n  a0: &a0 {{x: 1}}\n{bomb}")
     (worlds / "flat.npy").write_bytes((worlds / "slope.npy").read_bytes()[:-8])
     (worlds / "sub.npy").mkdir()
-    assert load(shared, worlds / "scene.yaml").result.result == OK
+    done(shared, "load_world", uri=str(worlds / "scene.yaml"))
     before = ask(shared, "get_current_world").world
     for code, fields in (
         (L.NO_RESOURCE, {}),
@@ -149,8 +133,7 @@ def test_a_world_that_is_refused_changes_nothing(shared: Probe, worlds: Path) ->
     assert height(shared, 4.0) == pytest.approx(0.8, abs=1e-6)
 
     text = (worlds / "no_mesh.yaml").read_text().replace("bad.urdf", "package://no_such_pkg/a.urdf")
-    answer = ask(shared, "load_world", resource_string=text, ignore_missing_or_unsupported_assets=True)
-    assert answer.result.result == OK
+    answer = done(shared, "load_world", resource_string=text, ignore_missing_or_unsupported_assets=True)
     assert all(words in answer.result.error_message for words in ("no_such_pkg", "ball")), "what is left out, and waits"
     assert answer.world.world_resource.resource_string == text
     assert entities(shared) == []
@@ -161,9 +144,9 @@ def test_a_world_that_is_refused_changes_nothing(shared: Probe, worlds: Path) ->
 def test_what_is_there_is_listed(shared: Probe, worlds: Path) -> None:
     [rover] = ask(shared, "get_spawnables").spawnables
     assert (rover.uri, rover.description) == ((worlds / "rover.urdf").as_uri(), "rover")
-    assert spawn(shared, uri=rover.uri, initial_pose=placed(1.0, 1.0, 1.0)).result.result == OK
-    elsewhere = ask(shared, "get_spawnables", sources=[str(worlds), "/etc", "http://host"])
-    assert (elsewhere.result.result, len(elsewhere.spawnables)) == (OK, 1)
+    done(shared, "spawn_entity", uri=rover.uri, initial_pose=placed(1.0, 1.0, 1.0))
+    elsewhere = done(shared, "get_spawnables", sources=[str(worlds), "/etc", "http://host"])
+    assert len(elsewhere.spawnables) == 1
     assert all(source in elsewhere.result.error_message for source in ("/etc", "http://host"))
     r, gone = srv.GetAvailableWorlds.Response, [str(worlds / "gone"), str(worlds)]
     for code, count, fields in (
@@ -223,7 +206,7 @@ def test_one_world_is_loaded_at_a_time(worlds: Path) -> None:
 
 
 @pytest.mark.parametrize("turns", [0, 2])
-def test_a_robot_on_its_way_onto_the_ground_is_no_part_of_another_scene(domain: int, turns: int) -> None:
+def test_a_robot_on_its_way_onto_the_ground_is_no_part_of_another_scene(turns: int) -> None:
     ground = heightmap_message(np.zeros((30, 30)), resolution=0.1)
     with fed({"bodies.spawn": [f"{{id: rover, urdf: {ROVER}, xy: [1, 1]}}"]}) as run:
         run.give("heightmap", ground, steps=0)

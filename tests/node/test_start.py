@@ -13,6 +13,7 @@ from typing import Any
 import pybullet_data
 import pytest
 import yaml
+from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet import front
@@ -26,7 +27,7 @@ from smartmesh_ros.node.timing.pacing import Pacer
 from smartmesh_ros.tools.demo import rover, terrain_source
 from smartmesh_ros.tools.score import terrain_score
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, executable
-from tests.node.shared import made_with, refusal_at_start, set_parameters
+from tests.node.shared import Log, Logged, fed, made_with, refusal_at_start
 
 pytestmark = pytest.mark.usefixtures("executables")
 
@@ -37,7 +38,6 @@ OTHER_NODES: dict[str, tuple[Any, Any]] = {
     "fleet_front": (front.Front, front.SPECS),
     "rover": (rover.Rover, rover.SPECS),
 }
-NODES = ("terrain_collider", *OTHER_NODES)
 MALFORMED = [
     True, 0, -1, 2**62, 1e300, math.nan, "", "x", "/a b", [], [""], ["/a b"], ["//"], ["a", "a"], ["{"], [True], [1, 2],
     [1.0, 0.0], [math.nan] * 3,
@@ -46,12 +46,8 @@ MALFORMED = [
 HUSKY = Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf"
 
 
-def lines(process: Process, level: str) -> list[str]:
-    return [line for line in process.output.splitlines() if f"[{level}]" in line]
-
-
 @pytest.fixture
-def probe(domain: int) -> Iterator[Probe]:
+def probe() -> Iterator[Probe]:
     """A probe in a namespace of its own: a node of the same name that another test left behind would be warned of."""
     with Probe(namespace="start") as made:
         yield made
@@ -63,32 +59,23 @@ def test_one_line_tells_the_start_and_pybullet_says_nothing(probe: Probe) -> Non
     with probe.running(parameters={"physics.rate": 120.0, "bodies.spawn": [robot]}) as process:
         probe.wait_for(lambda: probe.latest("body_states").bodies)
         process.stop()
-        said = process.output
-    assert len(said.splitlines()) == 4, said
-    root, masses, ignored, line = said.splitlines()
+        root, masses, ignored, line = process.output.splitlines()
     wheels = ", ".join(f"{end}_{side}_wheel_link" for end in ("front", "rear") for side in ("left", "right"))
     assert ignored.endswith(f"without effect: <gazebo> mu1, <gazebo> mu2, <gazebo> kp, <gazebo> kd of {wheels}")
     assert "'base_footprint' has no mass" in root and "links without <inertial> have no mass" in masses, "once each"
-    assert [line for line in said.splitlines() if "[INFO]" not in line] == [ignored], "the others are usual"
-    assert "[WARN]" in ignored
-    for words in ("[INFO]", "~/heightmap", "120 Hz", "parameters.yaml"):
-        assert words in line
+    assert "[WARN]" in ignored and all("[INFO]" in usual for usual in (root, masses, line))
+    assert all(words in line for words in ("~/heightmap", "120 Hz", "parameters.yaml"))
 
 
-def test_executables_end_quietly_if_nobody_reads_their_output(domain: int) -> None:
+def test_executables_end_quietly_if_nobody_reads_their_output() -> None:
     """As `--help | head` does."""
-    commands = (
-        ("terrain_collider", "--help"), ("terrain_source", "--print-parameters"),
-        ("smartmesh-demo", "--seconds", "1000"),
-    )  # fmt: skip
     running = []
-    for name, *arguments in commands:
-        process = subprocess.Popen(
-            [executable(name), *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
-        assert process.stdout is not None
-        process.stdout.close()
-        running.append(process)
+    for name, *arguments in (
+        ("terrain_collider", "--help"), ("terrain_source", "--print-parameters"), ("smartmesh-demo", "--seconds", "99"),
+    ):  # fmt: skip
+        command = [executable(name), *arguments]
+        running.append(subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True))
+        running[-1].stdout.close()
     for process in running:
         assert (process.communicate(timeout=TIMEOUT)[1], process.returncode) == ("", 0), process.args
 
@@ -115,14 +102,14 @@ def test_a_parameter_file_is_for_the_nodes_it_names(tmp_path: Path, names: list[
 
 
 def test_parameters_that_have_no_effect_are_warned_about(
-    domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, logged: Logged
 ) -> None:
     """Those of a file for another node, and unknown ones."""
     file = tmp_path / "other.yaml"
     file.write_text("/other_node:\n  ros__parameters:\n    physics.rate: 100.0\n")
     monkeypatch.setattr(sys, "argv", ["terrain_collider", "--ros-args", "--params-file", str(file)])
     with made_with(TerrainCollider, {"terrain.motoin": "hold"}, ["--params-file", str(file)]):
-        said = capfd.readouterr().err
+        said = logged()
     unknown, stray = (line for line in said.splitlines() if "[WARN]" in line)
     assert "parameter 'terrain.motoin' is unknown and has no effect; did you mean 'terrain.motion'?" in unknown
     assert f"{file} has no effect: it is for /other_node" in stray
@@ -174,19 +161,15 @@ def test_a_parameter_file_that_rcl_does_not_read_is_refused_by_name(tmp_path: Pa
 @pytest.mark.parametrize("specs", [SPECS, *(specs for _, specs in OTHER_NODES.values())])
 def test_a_list_of_one_empty_text_is_the_empty_list(specs: Any) -> None:
     """ROS cannot write an empty list in every place, so this is usual."""
-    lists = [spec.name for spec in specs if isinstance(spec.default, list) and not is_numeric(spec)]
+    lists = [spec.name for spec in specs if isinstance(spec.default, list) and float not in map(type, spec.default)]
     for empty in ([""], [], None):
         values = checked({**{spec.name: spec.default for spec in specs}, **dict.fromkeys(lists, empty)}, specs)
         assert all(values[name] == [] for name in lists)
 
 
-def is_numeric(spec: Any) -> bool:
-    return any(isinstance(item, float) for item in spec.default)
-
-
 @pytest.mark.parametrize("name", OTHER_NODES)
 def test_a_node_takes_or_refuses_any_value_of_any_parameter(
-    domain: int, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Some values are valid for some parameters; any other error than `InputError` would be a traceback."""
     monkeypatch.chdir(tmp_path)  # some are names of files
@@ -211,39 +194,33 @@ def test_the_collider_takes_or_refuses_any_value_of_any_parameter() -> None:
                 settings_from({**defaults, spec.name: value})
 
 
-def test_a_node_of_the_same_name_is_warned_about(shared: Probe, shared_node: tuple[Probe, Process]) -> None:
-    first = shared_node[1]
-    assert lines(first, "WARN") == []
+def test_a_node_of_the_same_name_is_warned_about(shared: Probe, log: Log) -> None:
+    assert log.lines("[WARN]") == []
     with Process("terrain_collider", arguments=["--ros-args", "-r", f"__ns:={shared.namespace}", "--"]) as second:
-        for process in (first, second):
-            shared.wait_for(lambda process=process: any("another node" in line for line in lines(process, "WARN")))
-    assert len(lines(first, "WARN")) == 1
+        shared.wait_for(lambda: log.lines("another node") and "another node" in second.output)
+    assert len(log.lines("[WARN]")) == 1
 
 
-def test_each_changed_parameter_has_a_line(shared: Probe, shared_node: tuple[Probe, Process]) -> None:
-    before = len(lines(shared_node[1], "INFO"))
-    assert set_parameters(shared, {"physics.sleep": False}).successful
-    assert set_parameters(shared, {"physics.sleep": False}).successful
-    assert set_parameters(shared, {"terrain.motion": "hold"}).successful
-    changed = shared.wait_for(lambda: len(found := lines(shared_node[1], "INFO")[before:]) >= 2 and found)
-    assert [line.partition("parameter ")[2] for line in changed] == [
-        "physics.sleep is now False; it was True",
-        "terrain.motion is now 'hold'; it was 'extrapolate'",
-    ]
-
-
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("terrain.motoin", "unknown; did you mean 'terrain.motion'?"),
-        ("zzz", "parameter 'zzz' is unknown"),
-        ("frame_id", "frame_id is fixed after the start; restart the node"),
-    ],
-)
-def test_a_refused_change_says_what_would_be_right(shared: Probe, name: str, words: str) -> None:
-    result = set_parameters(shared, {name: "other"})
-    assert not result.successful
-    assert words in result.reason
+def test_a_change_has_a_line_and_a_refusal_says_what_would_be_right(logged: Logged) -> None:
+    with fed({}) as node:
+        logged()
+        for name, value in (("physics.sleep", False), ("physics.sleep", False), ("terrain.motion", "hold")):
+            assert not node.set(name, value)
+        assert [line.partition("parameter ")[2] for line in logged().splitlines()] == [
+            "physics.sleep is now False; it was True",
+            "terrain.motion is now 'hold'; it was 'extrapolate'",
+        ]
+        for name, words in (
+            ("terrain.motoin", "unknown; did you mean 'terrain.motion'?"),
+            ("zzz", "parameter 'zzz' is unknown"),
+            ("frame_id", "frame_id is fixed after the start; restart the node"),
+        ):
+            assert words in node.set(name, "other")
+        several = [Parameter("physics.rate", value=60.0), Parameter("terrain.motion", value="jelly")]
+        assert "terrain.motion" in node.node.set_parameters_atomically(several).reason
+        assert node.world.dt == pytest.approx(1.0 / 240.0), "all or none"
+        assert not node.set("physics.rate", 60.0) and node.set("physics.rate", 0.0)
+        assert node.world.dt == pytest.approx(1.0 / 60.0)
 
 
 def test_the_real_time_factor_is_of_the_time_that_the_loop_ran() -> None:

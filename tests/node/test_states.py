@@ -1,7 +1,8 @@
-"""Saved states, episodes and lockstep, over real DDS."""
+"""Saved states, episodes and lockstep."""
 
 from array import array
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -21,103 +22,94 @@ from smartmesh_ros import BodyState
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
 from smartmesh_ros.tools.testing.replaying import replayed
-from tests.node.shared import BALL, body_names, changed, fed, seconds, show_level_ground, spawn
+from tests.node.shared import BALL, Logged, fed, on_level, seconds
 from tests.urdfs import HUSKY, ROVER, link, robot
 
 RATE = 240.0
-SHARED = {
-    "publish.clock": 50.0,
-    "physics.rate": RATE,
-    "simulation_interfaces": True,
-    "soil.type": ["clay"],
-    "bodies.urdf_folders": [str(Path(ROVER).parent)],
-}
+BALL_ABOVE = "{id: ball, shape: sphere, size: [0.2], mass: 1.0, xyz: [3.0, 3.0, 0.3]}"
+SHARED = {"publish.clock": 50.0, "simulation_interfaces": True}
 
 
-@pytest.fixture
-def paused(shared: Probe) -> Iterator[Probe]:
-    """A paused node with a ball and a robot above soil."""
-    show_level_ground(shared)
-    assert shared.call("pause", SetBool, data=True).success
-    spawn(shared, "ball", (3.0, 3.0, 0.3))
-    spawn(shared, "rover", (2.0, 2.0, 0.6), urdf=ROVER)
-    yield shared
+@contextmanager
+def paused() -> Iterator[Replay]:
+    """A paused run with a ball and a robot above soil."""
+    rover = f"{{id: rover, urdf: {ROVER}, xyz: [2.0, 2.0, 0.6]}}"
+    with on_level({"soil.type": ["clay"], "bodies.spawn": [BALL_ABOVE, rover]}) as run:
+        assert run.call("pause", SetBool.Request(data=True)).success
+        run.run(0.1)
+        yield run
 
 
-def step(probe: Probe, count: int = 1) -> Any:
-    """Steps, and returns the states of the last step, which come without another call, by their stamp."""
-    before = seconds(probe.latest("body_states").header.stamp)
-    answer = probe.call("step", StepPhysics, steps=count)
+def step(run: Replay, count: int = 1) -> list[tuple[str, BodyState]]:
+    """Steps, and returns the bodies then."""
+    answer = run.call("step", StepPhysics.Request(steps=count))
     assert answer.success, answer.message
-    states, wanted = probe.received[probe.topic("body_states")], before + count / RATE
-    return probe.wait_for(
-        lambda: next((it for it in states if seconds(it.header.stamp) == pytest.approx(wanted, abs=1e-4)), None)
-    )
+    return [(name, run.world.state(name)) for name in run.world.bodies]
 
 
-def poses(states: Any) -> list[tuple[str, str]]:
-    return [(body.id, f"{body.pose} {body.twist}") for body in states.bodies]
+def save(run: Replay, **fields: Any) -> Any:
+    answer = run.call("save_state", SaveState.Request(**fields))
+    assert answer.success, answer.message
+    return answer.state
 
 
-def test_a_restored_node_goes_on_to_the_bit(paused: Probe, tmp_path: Path) -> None:
+def restore(run: Replay, **fields: Any) -> None:
+    answer = run.call("restore_state", RestoreState.Request(**fields))
+    assert answer.success, answer.message
+
+
+def test_a_restored_node_goes_on_to_the_bit(tmp_path: Path) -> None:
     """From bytes in the message, and from a file; with its robot and what it pressed into the soil."""
-    step(paused, 60)
-    saved = paused.call("save_state", SaveState)
-    assert saved.success, saved.message
-    first = poses(step(paused, 120))
-    restored = paused.call("restore_state", RestoreState, state=saved.state)
-    assert restored.success, restored.message
-    assert poses(step(paused, 120)) == first
     file = str(tmp_path / "state.npz")
-    assert paused.call("restore_state", RestoreState, state=saved.state).success
-    answer = paused.call("save_state", SaveState, file=file)
-    assert answer.success, answer.message
-    assert not answer.state
-    spawn(paused, "later", (3.0, 3.0, 2.0))
-    assert paused.call("restore_state", RestoreState, file=file).success
-    assert poses(step(paused, 120)) == first
+    with paused() as run:
+        step(run, 60)
+        for saved in ({"state": save(run)}, {"file": file}):
+            assert "state" in saved or not save(run, file=file)
+            first = step(run, 120)
+            assert run.call("spawn_body", SpawnBody.Request(id="later", shape=BALL, mass=1.0)).success
+            restore(run, **saved)
+            assert step(run, 120) == first
 
 
-def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(paused: Probe, tmp_path: Path) -> None:
-    state = paused.call("save_state", SaveState).state
-    before = poses(step(paused))
+def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(tmp_path: Path) -> None:
     other = tmp_path / "mine.npz"
     other.write_bytes(b"mine")
-    asked: list[tuple[str, Any, dict[str, Any], str]] = [
-        ("restore_state", RestoreState, {}, "the path of a file, or the bytes"),
-        ("restore_state", RestoreState, {"state": state, "file": str(other)}, "the path of a file, or the bytes"),
-        ("restore_state", RestoreState, {"file": str(other)}, "no saved state"),
-        ("restore_state", RestoreState, {"file": str(tmp_path / "none.npz")}, "cannot be read"),
-        ("restore_state", RestoreState, {"file": "/etc/passwd"}, "does not end in .npz"),
-        ("save_state", SaveState, {"file": str(tmp_path / "state.txt")}, "does not end in .npz"),
-        ("save_state", SaveState, {"file": str(other)}, "is no saved state; choose another name"),
-        ("save_state", SaveState, {"file": str(tmp_path / "no folder" / "s.npz")}, "cannot be saved"),
-    ]
-    spoilt = array("B", state)  # how else they may be: tests/world/test_saved_worlds.py
-    spoilt[len(spoilt) // 2] ^= 1
-    asked.append(("restore_state", RestoreState, {"state": spoilt}, "damaged"))
-    for service, kind, fields, words in asked:
-        answer = paused.call(service, kind, **fields)
+    with paused() as run:
+        state, before = save(run), step(run)
+        spoilt = array("B", state)  # how else they may be: tests/world/test_saved_worlds.py
+        spoilt[len(spoilt) // 2] ^= 1
+        asked: list[tuple[Any, dict[str, Any], str]] = [
+            (RestoreState, {}, "the path of a file, or the bytes"),
+            (RestoreState, {"state": state, "file": str(other)}, "the path of a file, or the bytes"),
+            (RestoreState, {"file": str(other)}, "no saved state"),
+            (RestoreState, {"file": str(tmp_path / "none.npz")}, "cannot be read"),
+            (RestoreState, {"file": "/etc/passwd"}, "does not end in .npz"),
+            (RestoreState, {"state": spoilt}, "damaged"),
+            (SaveState, {"file": str(tmp_path / "state.txt")}, "does not end in .npz"),
+            (SaveState, {"file": str(other)}, "is no saved state; choose another name"),
+            (SaveState, {"file": str(tmp_path / "no folder" / "s.npz")}, "cannot be saved"),
+        ]
+        for kind, fields, words in asked:
+            service = "save_state" if kind is SaveState else "restore_state"
+            answer = run.call(service, kind.Request(**fields))
+            assert not answer.success and words in answer.message
+        assert other.read_bytes() == b"mine"
+        run.set(physics__gravity=[0.0, 0.0, -1.6], terrain__smoothing=1.0)
+        answer = run.call("restore_state", RestoreState.Request(state=state))
         assert not answer.success
-        assert words in answer.message
-    assert other.read_bytes() == b"mine"
-    with changed(paused, {"physics.gravity": [0.0, 0.0, -1.6], "terrain.smoothing": 1.0}):
-        answer = paused.call("restore_state", RestoreState, state=state)
-    assert not answer.success
-    for words in ("physics.gravity ((0.0, 0.0, -9.81) there, (0.0, 0.0, -1.6) here)", "terrain.smoothing (0.0 there"):
-        assert words in answer.message
-    assert [name for name, _ in before] == body_names(paused) == ["ball", "rover"]
+        for words in ("physics.gravity ((0.0, 0.0, -9.81) there, (0.0, 0.0, -1.6) here)", "terrain.smoothing (0.0"):
+            assert words in answer.message
+        assert [(name, run.world.state(name)) for name in run.world.bodies] == before
 
 
-def test_episodes_are_equal_to_the_bit(paused: Probe) -> None:
-    step(paused, 30)
+def test_episodes_are_equal_to_the_bit() -> None:
     found = []
-    for _ in range(2):
-        assert paused.call("start_episode", StartEpisode, seed=4).success
-        paused.wait_for(lambda: seconds(paused.latest("body_states").header.stamp) == 0.0)
-        for messages in paused.received.values():
-            messages.clear()
-        found.append(poses(step(paused, 90)))
+    with paused() as run:
+        step(run, 30)
+        for _ in range(2):
+            assert run.call("start_episode", StartEpisode.Request(seed=4)).success
+            assert run.world.time == 0.0
+            found.append(step(run, 90))
     assert found[0] == found[1]
 
 
@@ -150,33 +142,34 @@ def simulate(probe: Probe, client: ActionClient, steps: int, cancel_after: int |
     return result.result(), told
 
 
-def test_the_action_steps_with_feedback_and_can_be_cancelled(paused: Probe, steps_client: ActionClient) -> None:
-    start = seconds(paused.latest("body_states").header.stamp)
-    wrapped, told = simulate(paused, steps_client, 40)
+def test_the_action_steps_with_feedback_and_can_be_cancelled(shared: Probe, steps_client: ActionClient) -> None:
+    assert shared.call("pause", SetBool, data=True).success
+    start = seconds(shared.latest("body_states").header.stamp)
+    wrapped, told = simulate(shared, steps_client, 40)
     assert wrapped.status == GoalStatus.STATUS_SUCCEEDED
     assert wrapped.result.result.result == Result.RESULT_OK
-    paused.wait_for(lambda: told[-1:] == [40])
+    shared.wait_for(lambda: told[-1:] == [40])
     assert told == sorted(set(told))
-    paused.wait_for(
-        lambda: seconds(paused.latest("body_states").header.stamp) == pytest.approx(start + 40 / RATE, abs=1e-4)
+    shared.wait_for(
+        lambda: seconds(shared.latest("body_states").header.stamp) == pytest.approx(start + 40 / RATE, abs=1e-4)
     )
-    wrapped, told = simulate(paused, steps_client, 10_000_000, cancel_after=5)
+    wrapped, told = simulate(shared, steps_client, 10_000_000, cancel_after=5)
     assert wrapped.status == GoalStatus.STATUS_CANCELED
     assert 5 <= max(told) < 10_000_000
     assert "cancelled after" in wrapped.result.result.error_message
-    end = paused.latest("body_states").header.stamp
-    assert paused.call("pause", SetBool, data=True).success
-    assert paused.latest("body_states").header.stamp == end, "no step after the end"
+    end = shared.latest("body_states").header.stamp
+    assert shared.call("pause", SetBool, data=True).success
+    assert shared.latest("body_states").header.stamp == end, "no step after the end"
     for count, words in ((0, "ask for 1"), (5, "set STATE_PAUSED")):
-        paused.call("pause", SetBool, data=count == 0)
-        wrapped, told = simulate(paused, steps_client, count)
+        shared.call("pause", SetBool, data=count == 0)
+        wrapped, told = simulate(shared, steps_client, count)
         assert wrapped.status == GoalStatus.STATUS_ABORTED
         assert wrapped.result.result.result == Result.RESULT_OPERATION_FAILED
         assert words in wrapped.result.result.error_message
         assert not told
 
 
-def test_tracked_bodies_of_a_state_leave_when_nobody_tracks_them(capfd: pytest.CaptureFixture[str]) -> None:
+def test_tracked_bodies_of_a_state_leave_when_nobody_tracks_them(logged: Logged) -> None:
     with fed({"bodies.timeout": 0.2}) as node:
         node.world.track("hand", 0.3, BodyState((0.0, 0.0, 1.0)))
         state = node.world.state_bytes()
@@ -186,7 +179,7 @@ def test_tracked_bodies_of_a_state_leave_when_nobody_tracks_them(capfd: pytest.C
         assert "hand" in node.node.session.tracking.names
         while "hand" in node.world.bodies:
             node.run(1)
-        assert "bodies.timeout = 0.2 s: removed 'hand'" in capfd.readouterr().err
+        assert "bodies.timeout = 0.2 s: removed 'hand'" in logged()
         assert np.isfinite(node.world.time)
 
 
@@ -201,10 +194,10 @@ def test_a_fresh_node_goes_on_with_the_bodies_of_the_state_and_no_others() -> No
         saver.run(1.0)
         assert [*saver.world.bodies] == ["a", "b", "rover"]
         assert saver.call("remove_body", RemoveBody.Request(id="b")).success
-        state = saver.call("save_state", SaveState.Request()).state
+        state = save(saver)
         for run, again in ((saver, True), (fresh, False)):
             if not again:
-                assert run.call("restore_state", RestoreState.Request(state=state)).success
+                restore(run, state=state)
             run.give("heightmap", small[2])
             run.give(*described[0][::2])
             run.run(run.time + 1.0)
@@ -224,15 +217,14 @@ def test_a_fresh_node_drives_on_as_the_one_that_saved_and_one_that_drove_as_the_
         "bodies.spawn": [f"{{id: husky, urdf: {HUSKY}, xy: [3.0, 3.0]}}"],
         "bases": [f"{{body: husky, wheels: {wheels}, linear_acceleration: 1.0}}"],
     }
-    ground = ("heightmap", 0.0, heightmap_message(np.zeros((60, 60))))
-    with replayed([ground], parameters) as saver, replayed([ground], parameters) as fresh:
+    with on_level(parameters) as saver, on_level(parameters) as fresh:
         saver.run(1.0)
         fresh.run(1.2)
-        rest = saver.call("save_state", SaveState.Request()).state
+        rest = save(saver)
         saver.give("cmd_vel/husky", Twist(linear=Vector3(x=0.5)))
         saver.run(1.2)  # it is still becoming faster
-        driven = saver.call("save_state", SaveState.Request()).state
-        assert fresh.call("restore_state", RestoreState.Request(state=driven)).success
+        driven = save(saver)
+        restore(fresh, state=driven)
         found = []
         for run in (saver, fresh):
             run.run(run.time + 2.0)
@@ -240,14 +232,13 @@ def test_a_fresh_node_drives_on_as_the_one_that_saved_and_one_that_drove_as_the_
         assert found[0] == found[1] and found[0][2].x > 0.05
         saver.give("cmd_vel/husky", Twist(linear=Vector3(x=0.5)))
         saver.run(saver.time + 0.2)
-        assert saver.call("restore_state", RestoreState.Request(state=rest)).success
+        restore(saver, state=rest)
         saver.run(saver.time + 1.0)
         assert abs(saver.collider.session.bases["husky"].odometry.x) < 1e-3
 
 
 def test_a_reset_after_restoring_begins_the_scene_of_the_state() -> None:
     """As the node that saved would: bodies with which its scene began stay, at their starts, and spawned ones go."""
-    ground = ("heightmap", 0.0, heightmap_message(np.zeros((60, 60))))
 
     def scene(name: str) -> dict[str, Any]:
         body = f"{{id: {name}, shape: sphere, size: [0.2], mass: 1.0, xyz: [2.0, 2.0, 1.0]}}"
@@ -257,19 +248,19 @@ def test_a_reset_after_restoring_begins_the_scene_of_the_state() -> None:
         answer = run.call("get_named_poses", srv.GetNamedPoses.Request())
         return {pose.name: str(pose.pose) for pose in answer.poses}
 
-    with replayed([ground], scene("here")) as fresh, replayed([ground], scene("there")) as saver:
+    with on_level(scene("here")) as fresh, on_level(scene("there")) as saver:
         for run in (fresh, saver):
             run.run(0.5)
         extra = SpawnBody.Request(id="extra", shape=BALL, mass=1.0, pose=pose_message((4.0, 2.0, 1.0)))
         assert saver.call("spawn_body", extra).success
-        state = saver.call("save_state", SaveState.Request()).state
-        before = fresh.call("save_state", SaveState.Request()).state
-        assert fresh.call("restore_state", RestoreState.Request(state=state)).success
+        state = save(saver)
+        before = save(fresh)
+        restore(fresh, state=state)
         assert [*fresh.world.bodies] == ["there", "extra"] and named(fresh) == named(saver)
         for run in (fresh, saver):
             assert run.call("reset_simulation", srv.ResetSimulation.Request()).result.result == Result.RESULT_OK
             assert [*run.world.bodies] == ["there"] and run.world.state("there").position == (2.0, 2.0, 1.0)
-        assert fresh.call("restore_state", RestoreState.Request(state=before)).success
+        restore(fresh, state=before)
         assert fresh.call("remove_body", RemoveBody.Request(id="here")).success
         fresh.call("reset_simulation", srv.ResetSimulation.Request())
         assert [*fresh.world.bodies] == ["here"], "it is in the parameters"

@@ -7,69 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 from geometry_msgs.msg import Vector3
-from numpy.typing import NDArray
-from rclpy.parameter import Parameter
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import TerrainMeshUpdate
 from smartmesh_msgs.srv import RemoveBody, StepPhysics
 from std_srvs.srv import SetBool, Trigger
-from visualization_msgs.msg import Marker
 
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from smartmesh_ros.tools.testing import Probe, assert_on_map, heightmap_message, mesh_message, point_message
-from smartmesh_ros.tools.testing.replaying import replayed
-from tests.node.shared import (
-    Fed,
-    box,
-    changed,
-    fed,
-    one_round,
-    position_of,
-    show_level_ground,
-    spawn,
-    stamped,
-)
-
-
-def patch_vertices(probe: Probe) -> dict[str, NDArray[np.float64]]:
-    """Vertices (n, 3) [m] of the next collider patches by body."""
-    return {
-        patch.body_id: np.array([(v.x, v.y, v.z) for v in patch.mesh.vertices])
-        for patch in probe.latest("collider_patches").patches
-    }
-
-
-def test_every_patch_vertex_lies_on_the_published_map_and_goes_with_its_body(shared: Probe) -> None:
-    heights, yaw = np.random.default_rng(3).normal(size=(80, 60)) * 0.3, -2.5
-    message = shared.publish_map(heights, resolution=0.25, origin=(2.0, -1.0, 0.4), yaw=yaw)
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    middle = (2.0 + 7.0 * cos - 9.0 * sin, -1.0 + 7.0 * sin + 9.0 * cos)
-    bodies = {name: (middle[0] + i, middle[1], 3.0) for i, name in enumerate(("rover", "arm", "dog"))}
-
-    def three_patches() -> bool:
-        shared.publish_bodies(bodies, radius=0.3)
-        return len(shared.patches()) == 3
-
-    gone: set[int] = set()
-
-    def one_is_gone() -> bool:
-        markers = shared.latest("patches").markers
-        gone.update(marker.id for marker in markers if marker.action == Marker.DELETE)
-        return bool(gone)
-
-    with changed(shared, {"bodies.timeout": 1000.0}):  # no body goes because its poses come late
-        shared.wait_for(three_patches)
-        last = shared.latest("patches")
-        assert {marker.header.frame_id for marker in last.markers} == {"map"}
-        for points in shared.patches().values():
-            assert len(points) >= 24
-            assert_on_map(points, message)
-        ids = set(shared.patches())
-        one_round(shared)  # no pose of the body comes after its removal
-        assert shared.call("remove_body", RemoveBody, id="arm").success
-        shared.wait_for(one_is_gone)
-        assert len(gone) == 1
-        assert set(shared.patches()) == ids - gone
+from smartmesh_ros.tools.testing import Probe, mesh_message, point_message
+from tests.node.shared import Fed, box, fed, on_level, position_of, show_level_ground, spawn, stamped
 
 
 def test_bodies_fall_rest_and_report(shared: Probe) -> None:
@@ -101,7 +46,7 @@ def test_bodies_fall_rest_and_report(shared: Probe) -> None:
     assert (bodies["simulated"], bodies["patches"], bodies["below ground"]) == ("3", "3", "0")
     assert shared.diagnostics("terrain")["samples"] == "3600"
     assert shared.call("remove_body", RemoveBody, id="box").success
-    shared.wait_for(lambda: patch_vertices(shared).keys() == {"ball", "can"})
+    shared.wait_for(lambda: {it.body_id for it in shared.latest("collider_patches").patches} == {"ball", "can"})
 
 
 def test_pause_step_and_reset(shared: Probe) -> None:
@@ -129,25 +74,16 @@ def test_pause_step_and_reset(shared: Probe) -> None:
     shared.wait_for(lambda: (p := position()) and p[2] < 0.3)
 
 
-def test_outputs_keep_their_rates_after_many_calls_for_single_steps(shared: Probe) -> None:
-    """Each call publishes all outputs: it does not put off the next ones. Timing comes once a second."""
-    shared.call("pause", SetBool, data=True)
-    for _ in range(20):
-        assert shared.call("step", StepPhysics, steps=1).success
-    shared.call("pause", SetBool, data=False)
-    timings, diagnostics = shared.received[shared.topic("timing")], shared.received["/diagnostics"]
-    shared.latest("/diagnostics")
-    before, start = len(timings), len(diagnostics)
-    shared.wait_for(lambda: len(diagnostics) > start + 10)  # two seconds
-    assert len(timings) > before
-
-
-@pytest.mark.parametrize("topic", ["body_states", "/tf", "/clock"])
-def test_a_rate_that_is_raised_holds_at_once_and_calls_for_single_steps_put_off_nothing(topic: str) -> None:
-    parameter = {"/tf": "tf", "/clock": "clock"}.get(topic, topic)
-    maps = [("heightmap", 0.0, heightmap_message(np.zeros((60, 60))))]
+@pytest.mark.parametrize(
+    ("topic", "parameter", "rate"),
+    [("body_states", "body_states", 20), ("/tf", "tf", 20), ("/clock", "clock", 20), ("timing", "patches", 1)],
+)
+def test_a_rate_that_is_raised_holds_at_once_and_calls_for_single_steps_put_off_nothing(
+    topic: str, parameter: str, rate: int
+) -> None:
+    """Timing comes once a second."""
     spawned = {"bodies.spawn": ["{id: ball, shape: sphere, size: [0.2], mass: 1.0, xy: [2.0, 2.0]}"]}
-    with replayed(maps, {**spawned, f"publish.{parameter}": 0.01}, keep=[topic]) as run:
+    with on_level({**spawned, f"publish.{parameter}": 0.01}, keep=[topic]) as run:
         run.run(2.0)
         run.set(**{f"publish__{parameter}": 20.0})
         for again in (False, True):
@@ -157,23 +93,8 @@ def test_a_rate_that_is_raised_holds_at_once_and_calls_for_single_steps_put_off_
                     assert run.call("step", StepPhysics.Request(steps=1)).success
                 assert run.call("pause", SetBool.Request(data=False)).success
             before = len(run.received(topic))
-            run.run(run.time + 1.0)
-            assert len(run.received(topic)) - before == pytest.approx(20, abs=2)
-
-
-def test_parameters_change_at_run_time_as_a_whole_or_not_at_all(domain: int) -> None:
-    with fed({"physics.rate": 120.0}) as node:
-
-        def change(**values: Any) -> Any:
-            changes = [Parameter(name.replace("__", "."), value=value) for name, value in values.items()]
-            return node.node.set_parameters_atomically(changes)
-
-        assert change(physics__rate=60.0, bodies__default_radius=0.5).successful
-        refused = change(physics__rate=120.0, terrain__motion="jelly")
-        assert not refused.successful and "terrain.motion" in refused.reason
-        assert not change(physics__rate=0.0).successful
-        assert not change(frame_id="other").successful, "read-only"
-        assert node.world.dt == pytest.approx(1.0 / 60.0)
+            run.run(run.time + 2.0)
+            assert len(run.received(topic)) - before == pytest.approx(2 * rate, abs=2 if rate > 1 else 1)
 
 
 TRIANGLES = grid_triangles(20, 30)
@@ -189,7 +110,7 @@ def update_message(node: Fed, vertices: np.ndarray, indices: list[int] | None = 
     return stamped(node, message)
 
 
-def test_meshes_move_by_updates_and_bad_ones_are_refused(domain: int) -> None:
+def test_meshes_move_by_updates_and_bad_ones_are_refused() -> None:
     with fed({"terrain.motion": "hold"}) as node:
 
         def mesh(vertices: Any = None, triangles: Any = TRIANGLES, velocities: int = 0, **more: Any) -> Any:

@@ -36,7 +36,7 @@ def test_the_environment_names_it(domain):
 """
 
 
-def test_a_process_ends_with_its_block_and_with_an_exception(domain: int, executables: None) -> None:
+def test_a_process_ends_with_its_block_and_with_an_exception(executables: None) -> None:
     with Process("terrain_source") as first:
         assert first.process.poll() is None
     assert first.process.poll() is not None
@@ -46,16 +46,12 @@ def test_a_process_ends_with_its_block_and_with_an_exception(domain: int, execut
 
 
 @pytest.mark.parametrize("how", ["executable", "fork"])
-def test_a_process_ends_with_a_test_that_was_killed(domain: int, how: str) -> None:
+def test_a_process_ends_with_a_test_that_was_killed(how: str) -> None:
     command = [sys.executable, "-c", STARTS_A_NODE, how]
-    test = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-    assert test.stdin is not None
-    assert test.stdout is not None
-    pid = int(test.stdout.readline())
-    assert not has_ended(pid)
-    test.send_signal(signal.SIGKILL)
-    test.stdin.close()
-    test.wait(TIMEOUT)
+    with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as test:
+        pid = int(test.stdout.readline())  # type: ignore[union-attr]
+        assert not has_ended(pid)
+        test.send_signal(signal.SIGKILL)
     wait_until(lambda: has_ended(pid))
 
 
@@ -75,7 +71,7 @@ def test_a_node_gives_its_shared_memory_back_when_it_ends(probe: Probe) -> None:
     assert not [file for file in own if Path(file).exists()]
 
 
-def test_a_fork_is_what_the_executable_is(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fork_is_what_the_executable_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """It says the same but for times, takes the same parameters and arguments, and ends alike."""
     said, codes = [], []
     for starter in (start_command, preloaded.start):
@@ -85,10 +81,8 @@ def test_a_fork_is_what_the_executable_is(domain: int, monkeypatch: pytest.Monke
             wait_until(lambda process=process: "physics" in process.output)
             codes.append(process.stop())
             said.append(re.sub(r"\d+\.\d+|/tmp/\S+", "", process.output))
-    assert codes == [0, 0]
-    assert "37 Hz" in said[0]
-    assert "patch.knd" in said[0]
-    assert said[0] == said[1]
+    assert codes == [0, 0] and said[0] == said[1]
+    assert "37 Hz" in said[0] and "patch.knd" in said[0]
 
 
 def test_a_wait_in_vain_says_why(shared: Probe) -> None:
@@ -97,11 +91,11 @@ def test_a_wait_in_vain_says_why(shared: Probe) -> None:
     shared.wait_for(lambda: "terrain_collider" in shared.node.get_node_names())  # may arrive after its topics
     with pytest.raises(AssertionError) as failure:
         shared.wait_for(lambda: False, timeout=0.1)
-    words = str(failure.value)
-    assert re.search(r"refused: heightmap: \w+ 1", words)
-    assert "/shared/terrain_collider/heightmap: probe -> terrain_collider" in words
-    assert "terrain_collider runs" in words
-    assert "heightmap refused:" in words, "the node's own log"
+    for words in (
+        r"refused: heightmap: \w+ 1", "/shared/terrain_collider/heightmap: probe -> terrain_collider",
+        "terrain_collider runs", "heightmap refused:",  # the node's own log
+    ):  # fmt: skip
+        assert re.search(words, str(failure.value))
 
 
 def test_a_probe_listens_in_a_namespace_to_its_own_node(shared: Probe) -> None:
@@ -122,7 +116,7 @@ def test_a_probe_listens_in_a_namespace_to_its_own_node(shared: Probe) -> None:
         assert other.diagnostics("terrain")["message"] == "no map yet"
 
 
-def test_a_domain_that_somebody_is_in_is_left_alone(domain: int) -> None:
+def test_a_domain_that_somebody_is_in_is_left_alone() -> None:
     with isolated() as number:
         assert not in_use(number)
         source = Process("terrain_source")

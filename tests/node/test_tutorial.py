@@ -43,9 +43,8 @@ def blocks(page: str, language: str) -> list[str]:
 
 
 def arguments_of(command: str) -> list[str]:
-    """Arguments for ROS of a command that starts a collider, as a shell makes them of it."""
-    printed = subprocess.run(["bash", "-c", f"printf '%s\\0' {command}"], capture_output=True, text=True, check=True)
-    words = printed.stdout.split("\0")[:-1]
+    """Arguments for ROS of a command that starts a collider."""
+    words = shlex.split(command.replace("\\\n", " "))
     assert words[:5] == ["ros2", "run", "smartmesh_ros", "terrain_collider", "--ros-args"]
     return words[5:]
 
@@ -68,9 +67,7 @@ def test_the_sensors_of_the_pages_see_the_ground_around_the_robot_of_the_launch(
     clouds = probe.listen("/terrain_sensor/points", PointCloud2)
     found = commands("console", "ros2 run smartmesh_ros terrain_sensor")
     assert len(found) >= 2
-    with probe.running(
-        "terrain_collider", arguments=["--ros-args", "--params-file", str(ROOT / "config/bodies.yaml"), "--"]
-    ):
+    with probe.running(arguments=["--ros-args", "--params-file", str(ROOT / "config/bodies.yaml"), "--"]):
         probe.publish_map(np.zeros((101, 101)), origin=(-5.0, -5.0, 0.0))
         for words in found:
             clouds.clear()
@@ -109,13 +106,9 @@ def test_the_readmes_publisher_moves_the_ground(probe: Probe) -> None:
     _, code = blocks("README.md", "python")
     with probe.running("terrain_collider"), subprocess.Popen([sys.executable, "-c", code]) as publisher:
         try:
-
-            def moves() -> bool:
-                response = probe.call("query_ground", QueryGround, x=[0.0], y=[0.0])
-                return bool(response.success) and abs(response.velocities[2]) > 0.1
-
             probe.wait_for(lambda: probe.diagnostics("terrain")["message"] == "maps arrive")
-            probe.wait_for(moves)
+            asked = {"x": [0.0], "y": [0.0]}
+            probe.wait_for(lambda: abs(probe.call("query_ground", QueryGround, **asked).velocities[2]) > 0.1)
             assert probe.diagnostics("inputs")["message"] == "0 refused so far"
         finally:
             publisher.kill()
@@ -162,11 +155,9 @@ def test_what_the_page_on_testing_names_is_there() -> None:
 
     page = (ROOT / "docs" / "testing.md").read_text()
     table = page[page.index("## What there is") : page.index("The vertices of a patch")]
-    for method in re.findall(r"probe\.(\w+)", table):
-        assert hasattr(testing.Probe, method) or method == "received", method
-    messages = ("heightmap_message", "mesh_message", "pose_message")
-    for name in ("domain", "probe", "replay", "Process", "assert_on_map", *messages):
-        assert hasattr(testing, name)
+    methods, messages = re.findall(r"probe\.(\w+)", table), re.findall(r"`(\w+_message)`", table)
+    assert all(hasattr(testing.Probe, method) or method == "received" for method in methods)
+    assert all(hasattr(testing, name) for name in ("domain", "probe", "replay", "Process", "assert_on_map", *messages))
 
 
 # Maps of the form that the ROS 2 release of elevation_mapping_cupy sends: a square of cells around the robot, in layers
@@ -203,7 +194,7 @@ def cupy_map(x: float, y: float, *, seen: bool = True) -> GridMap:
     return made
 
 
-def test_an_elevation_map_becomes_patches_under_the_robot(domain: int, tmp_path: Path) -> None:
+def test_an_elevation_map_becomes_patches_under_the_robot(tmp_path: Path) -> None:
     """The map is in ``map``, the odometry in ``odom``, which lies 10 m further along y."""
     file, _ = blocks("docs/elevation_mapping.md", "yaml")
     command, *_ = blocks("docs/elevation_mapping.md", "console")
@@ -250,7 +241,7 @@ def command_of(block: str, **values: float) -> tuple[str, JointState]:
     return topic, message
 
 
-def test_two_blocks_drive_a_robot_on_the_topics_of_the_page(domain: int) -> None:
+def test_two_blocks_drive_a_robot_on_the_topics_of_the_page() -> None:
     [arm] = [block for block in blocks("docs/robots.md", "xml") if "TopicBasedSystem" in block]
     [command] = [block for block in blocks("docs/robots.md", "console") if "topic_based" in block]
     wheels = arm.replace("shoulder", "wheel").replace(
