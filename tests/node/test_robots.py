@@ -1,4 +1,4 @@
-"""Robots, driven and reported, against mechanics; bases that drive by velocities, their odometry and frames; IMUs."""
+"""Robots, driven by their joints and reported, against mechanics."""
 
 from __future__ import annotations
 
@@ -6,24 +6,19 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import Twist, TwistStamped, Vector3
-from sensor_msgs.msg import Imu, JointState
+from geometry_msgs.msg import Twist, Vector3
+from sensor_msgs.msg import JointState
 from smartmesh_msgs.srv import SpawnBody
 from std_srvs.srv import SetBool
 
-from smartmesh_ros import BodyState, Box
+from smartmesh_ros import BodyState
 from smartmesh_ros.scenes.tracks import robot_file
 from smartmesh_ros.tools.testing import heightmap_message, pose_message
-from tests import urdfs
-from tests.grounds import level
-from tests.node.shared import Fed, Logged, fed, on_level, seconds, stamped
-from tests.node.test_robot_outputs import buffer_of
-from tests.world.test_bases import HINGES, RACECAR, REAR, UNDERCARRIAGE
+from tests.node.shared import Fed, Logged, fed, on_level
 
 ROVER = Path(__file__).parent.parent / "data" / "rover.urdf"
 RADIUS = 0.15  # of the wheels [m]
@@ -154,92 +149,3 @@ def test_wheels_stop_when_their_publisher_dies(logged: Logged) -> None:
         assert speeds() == pytest.approx([0.0] * 4, abs=0.02)
         assert node.world.joints("robot")[3].position == pytest.approx(0.3, abs=0.01)
         assert logged().count("no command came for front_left, front_right, rear_left of 'robot'") == 1
-
-
-FORWARD = Twist(linear=Vector3(x=0.5))
-CAR = (
-    f"{{body: car, wheels: [{', '.join(REAR)}], steering: [{', '.join(HINGES)}], publish_tf: true, "
-    "odom_frame: car/odom}"
-)
-DRIVEN = {
-    "frame_id": "map", "publish.tf": 30.0, "bases": [CAR],
-    "imus": ["{body: husky, link: imu_link, rate: 60, gyroscope_noise_density: 0.002}", "{body: car}"],
-}  # fmt: skip
-
-
-def test_the_frame_of_odometry_is_between_the_map_and_the_root_link() -> None:
-    """As of REP 105: the chain map, odom, root link gives the true pose, whatever the odometry drifts. How all kinds of
-    bases drive: tests/world/test_bases.py."""
-    driven = [("cmd_vel/car", 0.5 + 0.1 * k, Twist(linear=Vector3(x=0.5), angular=Vector3(z=0.4))) for k in range(20)]
-    with on_level(DRIVEN, *driven, keep=["/tf", "odometry", "odom/car"]) as run:
-        run.run(0.1)
-        run.world.spawn_robot("car", RACECAR, BodyState((2.0, 2.0, 0.0)), on_ground=True)
-        run.run(2.5)
-        found = run.received("odom/car")[-1]
-        assert (found.header.frame_id, found.child_frame_id) == ("car/odom", "base_link")
-        speeds = found.twist.twist.linear.x, found.twist.twist.angular.z
-        assert speeds == pytest.approx((0.5, 0.4), abs=0.05) and found.pose.pose.position.x > 0.3
-        run.run(5.0)
-        frames = run.received("/tf")
-        parents = {one.child_frame_id: one.header.frame_id for message in frames for one in message.transforms}
-        [root] = [frame for frame, parent in parents.items() if parent == "car/odom"]
-        assert parents["car/odom"] == "map"
-        there, _ = buffer_of(*frames).lookup("map", root)
-        place = [one for one in run.received("odometry") if one.child_frame_id == root][-1].pose.pose.position
-        np.testing.assert_allclose(there.translation, (place.x, place.y, place.z), atol=1e-3)
-
-
-def test_an_imu_of_a_link_comes_with_its_frame_and_covariances() -> None:
-    with on_level(DRIVEN, keep=["imu/husky/imu_link", "imu/car"]) as run:
-        run.run(0.1)
-        for y, (name, urdf) in enumerate({"husky": urdfs.HUSKY, "car": RACECAR}.items()):
-            run.world.spawn_robot(name, urdf, BodyState((2.0, 2.0 + 2.0 * y, 0.0)), on_ground=True)
-        run.run(2.0)
-        found, root = run.received("imu/husky/imu_link"), run.received("imu/car")
-        assert np.diff([seconds(one.header.stamp) for one in found])[1:] == pytest.approx(1.0 / 60.0, abs=1e-4)
-        last = found[-1]
-        assert last.header.frame_id.endswith("imu_link") and root[-1].header.frame_id.endswith("base_link")
-        assert last.linear_acceleration.z == pytest.approx(9.81, abs=0.1)
-        np.testing.assert_allclose(last.angular_velocity_covariance, (0.002**2 * 60.0 * np.eye(3)).ravel(), rtol=1e-6)
-        assert not np.any(last.linear_acceleration_covariance)
-
-
-def test_commands_that_cannot_be_are_refused() -> None:
-    config = {"bases": ["{body: digger, tracks: [left_track, right_track]}"]}
-    with fed({**config, "frame_id": "map"}) as node:
-        node.require_refused("cmd_vel/digger", [("unknown_body", FORWARD)])
-        node.world.terrain.put("", level(101))
-        node.world.spawn_robot("digger", UNDERCARRIAGE, BodyState(), on_ground=True)
-        node.run(10)
-        node.require_refused("cmd_vel/digger", [("non_finite", Twist(linear=Vector3(x=math.nan)))])
-        late = stamped(node, TwistStamped(twist=FORWARD))
-        late.header.stamp.sec -= 5
-        node.require_refused("cmd_vel_stamped/digger", [("stamp", late)])
-        node.run(30)
-        assert abs(node.world.base_state("digger").linear[0]) < 0.02
-        node.give("cmd_vel_stamped/digger", TwistStamped(twist=FORWARD), 100)
-        assert node.world.base_state("digger").linear[0] == pytest.approx(0.5, abs=0.08)
-        node.run(150)
-        assert abs(node.world.base_state("digger").linear[0]) < 0.05
-
-
-def test_imus_measure_for_subscribers_alone_and_steps_of_a_pause_have_their_own_stamps() -> None:
-    with fed({"imus": ["{body: box, rate: 120}"], "frame_id": "map", "publish.clock": 60.0}) as node:
-        node.world.spawn("box", Box(0.3, 0.3, 0.3), 1.0, BodyState((0.0, 0.0, 50.0)))
-        [output] = node.node._outputs._of_entries["imu"]
-        node.run(10)
-        assert not node.world.watchers
-        found: list[Imu] = []
-        count = 1
-        output.publisher = SimpleNamespace(publish=found.append, get_subscription_count=lambda: count)
-        node.run(2)
-        found.clear()
-        node.node.pause(True)
-        start = node.world.time
-        node.node.step(20)
-        times = [seconds(message.header.stamp) - start for message in found]
-        np.testing.assert_allclose(times, np.arange(1, 11) / 120.0, atol=1e-6)
-        assert found[-1].header.frame_id == "box"
-        count = 0
-        node.node.step(1)
-        assert not node.world.watchers
