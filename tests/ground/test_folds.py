@@ -1,58 +1,21 @@
 """Shallow folds of the ground, in one piece and between two, which bodies pass without entering them and rest on."""
 
-import math
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, Capsule, Cylinder, Deck, HeightMap, Sphere, Terrain
+from smartmesh_ros import BodyState, Box, Capsule, Cylinder, Sphere, Terrain
 from smartmesh_ros.ground.shapes import Shape
-from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.terrain import MainMesh
-from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from tests.grounds import terrain_of, world_of
+from tests.bodies import LYING, UPRIGHT, Turn, about_z
+from tests.ground.pieces import Piece, a_deck, a_map, a_mesh, pieces
+from tests.grounds import world_of
 
-ALONG_Y = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
-UPRIGHT = (0.0, 0.0, 0.0, 1.0)
-ROUND: dict[str, tuple[Shape, float, tuple[float, ...]]] = {
+ROUND: dict[str, tuple[Shape, float, Turn]] = {
     "ball": (Sphere(0.1), 0.1, UPRIGHT),
     "marble": (Sphere(0.01), 0.01, UPRIGHT),
-    "capsule": (Capsule(radius=0.1, height=0.2), 0.1, ALONG_Y),
-    "wheel": (Cylinder(radius=0.1, height=0.2), 0.1, ALONG_Y),
+    "capsule": (Capsule(radius=0.1, height=0.2), 0.1, LYING),
+    "wheel": (Cylinder(radius=0.1, height=0.2), 0.1, LYING),
 }
-Form = Callable[[FloatArray, FloatArray], FloatArray]
-Piece = Callable[[Form, float, float, float], MainMesh | Deck]  # of a form, from one x to another, in cells of a size
-
-
-def samples(form: Form, low: float, high: float, cell: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    x, y = np.meshgrid(np.arange(round(low / cell), round(high / cell) + 1), np.arange(-10, 11))
-    return cell * x, cell * y, form(cell * x, cell * y)
-
-
-def a_map(form: Form, low: float, high: float, cell: float) -> HeightMap:
-    return HeightMap(samples(form, low, high, cell)[2], resolution=cell, origin=(low, -10.0 * cell))
-
-
-def a_mesh(form: Form, low: float, high: float, cell: float) -> TriangleMesh:
-    points = np.stack(samples(form, low, high, cell), axis=-1)
-    return TriangleMesh(points.reshape(-1, 3), grid_triangles(*points.shape[:2]))
-
-
-def a_deck(form: Form, low: float, high: float, cell: float) -> Deck:
-    deck = Deck(a_map(form, low, high, cell), thickness=0.5)
-    deck.place((0.0, 0.0, 0.0), UPRIGHT, time=0.0)
-    return deck
-
-
 PAIRS: list[tuple[Piece, ...]] = [(a_map, a_deck), (a_mesh, a_mesh), (a_mesh, a_map)]
-
-
-def pieces(form: Form, *parts: Piece, cell: float = 0.1) -> Terrain:
-    """Ground of one piece, or of two that meet at x = 0."""
-    if len(parts) == 1:
-        return terrain_of(all=parts[0](form, -2.0, 2.0, cell))
-    return terrain_of(here=parts[0](form, -2.0, 0.0, cell), there=parts[1](form, 0.0, 2.0, cell))
 
 
 def deepest(terrain: Terrain, body: str, start: float, speed: float) -> float:
@@ -81,7 +44,7 @@ def test_what_rolls_into_a_fold_does_not_enter_it(body: str, parts: tuple[Piece,
     several places prefers those of the step before by a thousandth of its radius."""
     preference = 1e-3 * ROUND[body][0].bounding_radius if body in ("capsule", "wheel") else 0.0
     for slope, speed in [(0.04, 1.0), (0.04, 3.0), (0.1, 3.0)]:
-        terrain = pieces(lambda x, y, slope=slope: slope * np.maximum(x, 0.0), *parts)  # type: ignore[misc]
+        terrain = pieces(lambda x, y, slope=slope: slope * np.maximum(x, 0.0), *parts)
         for phase in range(5):
             start = -0.25 + phase / 5 * speed / 240
             assert deepest(terrain, body, start, speed) < 3e-5 + preference, (slope, speed, phase)
@@ -112,7 +75,7 @@ def mean_speed_at_rest(seed: int, *parts: Piece) -> float:
     terrain = pieces(lambda x, y: slope * x + along * y - fold * np.maximum(x, 0.0), *parts)
     speeds = []
     with world_of(terrain, sleep=False, friction=0.6) as world:
-        world.spawn("box", Box(*size), 5.0, BodyState(at, (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))))
+        world.spawn("box", Box(*size), 5.0, BodyState(at, about_z(yaw)))
         world.step(480)
         for _ in range(120):
             world.step()
