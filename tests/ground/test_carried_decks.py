@@ -10,8 +10,8 @@ import pytest
 from smartmesh_ros import BodyState, Box, Deck, Ground, HeightMap, InputError, Sphere, Terrain, World
 from smartmesh_ros.world.driving import Carrier
 from smartmesh_ros.world.joints import JointCommand
-from tests.bodies import put, rotation
-from tests.ground.ships import OMEGA, about_y
+from tests.bodies import about_y, put, rotation
+from tests.ground.ships import OMEGA
 from tests.grounds import level, world_of
 from tests.urdfs import HUSKY, box, joint, link, robot
 
