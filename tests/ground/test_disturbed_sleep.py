@@ -10,9 +10,11 @@ import pybullet as pb
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import Box, Ground
+from smartmesh_ros import Box, Ground, HeightMap
 from smartmesh_ros.ground.config import SleepConfig
-from tests.bodies import put
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+from tests.bodies import height, put
+from tests.core import mesh_parts
 from tests.grounds import level
 
 DT = 1.0 / 240.0
@@ -27,12 +29,12 @@ class Yard:
 
     maximal: bool
     sleeps: bool
+    terrain: HeightMap | TriangleMesh = field(default_factory=lambda: level(201))
     client: Any = field(default_factory=lambda: BulletClient(pb.DIRECT))
     ids: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.client.setGravity(0.0, 0.0, -9.81)
-        self.terrain = level(201)
         self.ground = Ground(self.client, self.terrain)
         self.box = self.add((0.0, 0.0, SIDE))
         for k in range(OTHERS):
@@ -154,6 +156,37 @@ def test_a_sleeping_body_moves_as_if_it_were_awake(name: str, maximal: bool) -> 
     assert np.abs(awake - start).max() > 0.01 or "falls on it" in name, "it does move"
     lawful = [0, 2] if "tied" in name else range(7)  # a box that is pulled along drifts aside, by no law
     np.testing.assert_allclose(asleep[:, lawful], awake[:, lawful], rtol=0.0, atol=5e-3)
+
+
+@pytest.mark.parametrize("maximal", [True, False], ids=["rigid body", "multibody"])
+@pytest.mark.parametrize(("drop", "every"), [(0.05, 1), (0.002, 1), (1.0, 4)], ids=["fast", "little", "seldom"])
+@pytest.mark.parametrize(
+    "made", [lambda: level(201), lambda: TriangleMesh(*mesh_parts.sheet(20.0, 40))], ids=["map", "mesh"]
+)
+def test_a_body_that_pybullet_put_to_sleep_falls_with_its_ground(
+    made: Any, drop: float, every: int, maximal: bool
+) -> None:
+    """Whichever step the map comes in; it may fall asleep between two updates."""
+    yard = Yard(maximal, sleeps=False, terrain=made())
+    yard.client.changeDynamics(yard.box, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
+
+    def run(steps: int) -> float:
+        for step in range(steps):
+            if step % every == 0:
+                yard.ground.update(yard.ground.clock, DT)
+            yard.client.stepSimulation()
+        return height(yard.client, yard.box)
+
+    before = run(60)
+    while any(map(any, yard.client.getBaseVelocity(yard.box))):
+        before = run(60)
+        assert yard.ground.clock < 25.0, "it does not fall asleep"
+    if isinstance(yard.terrain, HeightMap):
+        yard.terrain.replace(yard.terrain.heights - drop, time=1000.0)
+    else:
+        yard.terrain.move(yard.terrain.vertices - (0.0, 0.0, drop), time=1000.0)
+    assert run(240) == pytest.approx(before - drop, abs=5e-4)
+    yard.client.disconnect()
 
 
 def test_a_motor_that_is_told_something_else_through_pybullet_wakes_its_robot(client: Any) -> None:
