@@ -1,6 +1,5 @@
 """Shapes read from PyBullet hold what PyBullet collides."""
 
-from contextlib import closing
 from typing import Any
 
 import numpy as np
@@ -8,11 +7,11 @@ import pybullet as pb
 import pybullet_data
 import pytest
 
-from smartmesh_ros import Box, Capsule, Cylinder, Ground, Sphere
+from smartmesh_ros import Box, Capsule, Cylinder, Sphere
 from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.ground.body_shapes import read_shapes
 from smartmesh_ros.ground.shapes import ShapeKind
-from tests.bodies import height, lowest_of, put, run
+from tests.bodies import ground_of, height, lowest_of, put, run
 from tests.grounds import level
 
 SHAPES = (Sphere(0.2), Box(0.2, 0.4, 0.6), Cylinder(radius=0.1, height=0.5), Capsule(radius=0.1, height=0.5))
@@ -89,12 +88,10 @@ def test_links_reach_as_far_as_they_do_in_bullet(client: Any, urdf: str, flags: 
 def test_a_margin_that_changes_after_the_first_contact_counts(client: Any) -> None:
     corners = np.array(np.meshgrid([-0.2, 0.2], [-0.2, 0.2], [-0.2, 0.2])).reshape(3, 8).T
     form = client.createCollisionShape(pb.GEOM_MESH, vertices=corners.tolist())
-    with closing(Ground(client, level())) as ground:
-        body = client.createMultiBody(1.0, form, basePosition=[0.0, 0.0, 0.22])
-        ground.attach(body)
-        heights = []
-        for margin in (0.001, 0.05):
-            client.changeDynamics(body, -1, collisionMargin=margin)
-            run(ground)
-            heights.append(height(client, body))
+    body, heights = client.createMultiBody(1.0, form, basePosition=[0.0, 0.0, 0.22]), []
+    ground = ground_of(client, level(), body)
+    for margin in (0.001, 0.05):
+        client.changeDynamics(body, -1, collisionMargin=margin)
+        run(ground)
+        heights.append(height(client, body))
     assert heights[1] - heights[0] == pytest.approx(0.049, abs=1e-3)
