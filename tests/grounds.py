@@ -38,12 +38,20 @@ def terrain_of(**tiles: MainMesh | Deck) -> Terrain:
     return terrain
 
 
+def add(world: World, name: str, body: Shape | str, start: BodyState, mass: float = 1.0) -> None:
+    """Spawn a body of a shape, or the robot of a description."""
+    if isinstance(body, str):
+        world.spawn_robot(name, body, start)
+    else:
+        world.spawn(name, body, mass, start)
+
+
 def end_of(
-    ground: MainMesh | Terrain, shape: Shape, start: BodyState, steps: int, mass: float = 1.0, **physics: Any
+    ground: MainMesh | Terrain, body: Shape | str, start: BodyState, steps: int, mass: float = 1.0, **physics: Any
 ) -> BodyState:
-    """The state of a body after so many steps in a world of its own with some settings of its physics."""
+    """The state of a body or a robot after so many steps in a world of its own with some settings of its physics."""
     with world_of(ground, **physics) as world:
-        world.spawn("body", shape, mass, start)
+        add(world, "body", body, start, mass)
         world.step(steps)
         return world.state("body")
 

@@ -11,7 +11,7 @@ from smartmesh_ros import Box, Capsule, Cylinder, Sphere
 from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.ground.body_shapes import read_shapes
 from smartmesh_ros.ground.shapes import ShapeKind
-from tests.bodies import ground_of, height, lowest_of, put, run
+from tests.bodies import ground_of, height, lowest_of, put, random_turn, run
 from tests.grounds import level
 
 SHAPES = (Sphere(0.2), Box(0.2, 0.4, 0.6), Cylinder(radius=0.1, height=0.5), Capsule(radius=0.1, height=0.5))
@@ -50,8 +50,7 @@ def lowest_by_shape(client: Any, body: int, link: int, shape: BodyShape) -> floa
 def test_several_shapes_reach_as_far_as_they_do_in_bullet(client: Any) -> None:
     rng, floor = np.random.default_rng(0), put(client, FLOOR, (0.0, 0.0, -50.0), 0.0)
     for _ in range(10):
-        places, turns = rng.normal(scale=0.3, size=(3, 3)), rng.normal(size=(3, 4))
-        turns /= np.linalg.norm(turns, axis=1)[:, None]
+        places, turns = rng.normal(scale=0.3, size=(3, 3)), np.array([random_turn(rng) for _ in range(3)])
         form = client.createCollisionShapeArray(
             shapeTypes=[pb.GEOM_BOX, pb.GEOM_SPHERE, pb.GEOM_CYLINDER],
             halfExtents=[[0.1, 0.2, 0.3], [0.0] * 3, [0.0] * 3],
@@ -62,8 +61,8 @@ def test_several_shapes_reach_as_far_as_they_do_in_bullet(client: Any) -> None:
         )
         body = client.createMultiBody(1.0, form)
         shape = read_shape(client, body)
-        for turn in rng.normal(size=(5, 4)):
-            client.resetBasePositionAndOrientation(body, (0.0, 0.0, 3.0), turn / np.linalg.norm(turn))
+        for _ in range(5):
+            client.resetBasePositionAndOrientation(body, (0.0, 0.0, 3.0), random_turn(rng))
             lowest = lowest_by_bullet(client, body, -1, floor)
             assert lowest - 0.02 <= lowest_by_shape(client, body, -1, shape) <= lowest + 1e-4  # its margin rounds edges
         client.removeBody(body)
@@ -78,8 +77,8 @@ def test_links_reach_as_far_as_they_do_in_bullet(client: Any, urdf: str, flags: 
     links = {link for link in range(-1, client.getNumJoints(robot)) if client.getCollisionShapeData(robot, link)}
     shapes = read_shapes(client, robot)
     assert shapes.keys() == links
-    for turn in rng.normal(size=(6, 4)):
-        client.resetBasePositionAndOrientation(robot, (0.0, 0.0, 3.0), turn / np.linalg.norm(turn))
+    for _ in range(6):
+        client.resetBasePositionAndOrientation(robot, (0.0, 0.0, 3.0), random_turn(rng))
         for link, shape in shapes.items():
             lowest = lowest_by_bullet(client, robot, link, floor)
             assert lowest_by_shape(client, robot, link, shape) == pytest.approx(lowest, abs=HULL_MARGIN)

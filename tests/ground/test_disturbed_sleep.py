@@ -3,6 +3,7 @@ sleep, in a PyBullet world of the user's own."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,10 @@ from pybullet_utils.bullet_client import BulletClient
 from smartmesh_ros import Box, Ground, HeightMap
 from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-from tests.bodies import height, put
+from tests.bodies import ground_of, height, put
 from tests.core import mesh_parts
 from tests.grounds import level
+from tests.urdfs import box, joint, link, robot
 
 DT = 1.0 / 240.0
 SIDE = 0.2  # half the edge of a box [m]
@@ -189,22 +191,16 @@ def test_a_body_that_pybullet_put_to_sleep_falls_with_its_ground(
     yard.client.disconnect()
 
 
-def test_a_motor_that_is_told_something_else_through_pybullet_wakes_its_robot(client: Any) -> None:
-    shape = client.createCollisionShape(pb.GEOM_BOX, halfExtents=(0.2, 0.1, 0.1))
-    robot = client.createMultiBody(
-        1.0, shape, -1, (0.0, 0.0, 0.1), linkMasses=[0.3], linkCollisionShapeIndices=[shape],
-        linkVisualShapeIndices=[-1], linkPositions=[(0.0, 0.0, 0.25)], linkOrientations=[(0, 0, 0, 1)],
-        linkInertialFramePositions=[(0, 0, 0)], linkInertialFrameOrientations=[(0, 0, 0, 1)], linkParentIndices=[0],
-        linkJointTypes=[pb.JOINT_REVOLUTE], linkJointAxis=[(0, 0, 1)],
-    )  # fmt: skip
-    ground = Ground(client, level())
-    ground.attach(robot)
+def test_a_motor_that_is_told_something_else_through_pybullet_wakes_its_robot(client: Any, tmp_path: Path) -> None:
+    edges = (0.4, 0.2, 0.2)
+    parts = (link("base", box(edges), 1.0, edges), link("arm", box(edges), 0.3, edges))
+    (tmp_path / "arm.urdf").write_text(robot(*parts, joint("turn", "continuous", "base", "arm", axis="0 0 1")))
+    arm = client.loadURDF(str(tmp_path / "arm.urdf"), (0.0, 0.0, 0.1))
+    ground = ground_of(client, level(), arm)
     ground.let_sleep(SleepConfig(after=0.1))
-    hold = {"controlMode": pb.POSITION_CONTROL, "force": 5.0}
-    for step in range(480):
-        target = 0.5 if step >= 240 else 0.0
-        client.setJointMotorControl2(robot, 0, targetPosition=target, **hold)
-        ground.step(step * DT, DT)
-        assert step != 239 or ground.is_asleep(robot)
-    assert client.getJointState(robot, 0)[0] == pytest.approx(0.5, abs=0.02)
-    assert ground.is_asleep(robot)
+    for target in (0.0, 0.5):
+        for _ in range(240):
+            client.setJointMotorControl2(arm, 0, pb.POSITION_CONTROL, targetPosition=target, force=5.0)
+            ground.step(ground.clock, DT)
+        assert client.getJointState(arm, 0)[0] == pytest.approx(target, abs=0.02)
+        assert ground.is_asleep(arm)

@@ -10,6 +10,7 @@ from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, Sphere
 from smartmesh_ros.core import _core
 from smartmesh_ros.ground.shapes import Shape
 from tests.bodies import LYING
+from tests.core.contact_cases import random_rotation
 from tests.grounds import end_of, shaped
 
 # Which samples at x, y [m] are no ground.
@@ -44,8 +45,7 @@ def test_neighbours_that_share_no_facet_are_apart(name: str) -> None:
     for _ in range(200):
         heights = rng.normal(scale=0.02, size=(12, 12))
         heights[(rows == 5) & (columns != 5) | (rows == 6) & (columns != 5 + rng.integers(2))] = np.nan
-        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-        pose = np.vstack([turn * np.linalg.det(turn), (*rng.uniform(0.4, 0.7, 2), rng.uniform(0.1, 0.25))])
+        pose = np.vstack([random_rotation(rng), (*rng.uniform(0.4, 0.7, 2), rng.uniform(0.1, 0.25))])
         found = []
         for part in (rows >= 0, rows < 6, rows >= 6):
             tile = HeightMap(np.where(part, heights, np.nan), resolution=0.1, origin=(0.0, 0.0)).core_reader

@@ -7,7 +7,7 @@ from smartmesh_ros import BodyState, Box, Deck, Sphere, Terrain
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
 from tests.bodies import about_z, rotation
-from tests.grounds import level, world_of
+from tests.grounds import add, level, world_of
 from tests.urdfs import joint, link, robot
 
 DRIFT = np.array([1.5, -0.7, 0.4])  # of the deck [m/s]
@@ -37,10 +37,7 @@ def thrown(body: Shape | str, drift: FloatArray, waves: float, across: float, ya
     linear, spin = turn @ [1.0, 0.5, -2.0] + drift, turn @ [2.0, 3.0, 1.0]
     with world_of(terrain, restitution=0.3, sleep=False) as world:
         state = BodyState(tuple(turn @ [0.2, 0.3, 0.6]), about_z(yaw), tuple(linear), tuple(spin))
-        if isinstance(body, str):
-            world.spawn_robot("body", body, state)
-        else:
-            world.spawn("body", body, 1.0, state)
+        add(world, "body", body, state)
         world.client.changeDynamics(world.bodies["body"].uid, -1, anisotropicFriction=(1.0, across, across))
         for step in range(180):
             time = world.time

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Sphere, World
+from smartmesh_ros import BodyState, Sphere
 from tests.bodies import ground_of, height, put
-from tests.grounds import level
+from tests.grounds import end_of, level
 from tests.urdfs import link, robot
 
 GRAVITY, RADIUS = 9.81, 0.1
@@ -46,8 +46,6 @@ def test_a_soft_body_sinks_by_weight_over_stiffness_and_as_its_damping_says(
 
 
 def test_a_robots_foot_is_as_soft_as_its_description_says() -> None:
-    with World(level()) as world:
-        contact = '<contact><stiffness value="2000"/><damping value="200"/></contact>'
-        world.spawn_robot("foot", robot(link("foot", mass=2.0, more=contact)), BodyState((0.0, 0.0, RADIUS)))
-        world.step(480)
-        assert RADIUS - world.state("foot").position[2] == pytest.approx(2.0 * GRAVITY / 2000.0, abs=2e-5)
+    contact = '<contact><stiffness value="2000"/><damping value="200"/></contact>'
+    end = end_of(level(), robot(link("foot", mass=2.0, more=contact)), BodyState((0.0, 0.0, RADIUS)), 480)
+    assert RADIUS - end.position[2] == pytest.approx(2.0 * GRAVITY / 2000.0, abs=2e-5)
