@@ -33,7 +33,7 @@ class Yard:
     sleeps: bool
     terrain: HeightMap | TriangleMesh = field(default_factory=lambda: level(201))
     client: Any = field(default_factory=lambda: BulletClient(pb.DIRECT))
-    ids: dict[str, int] = field(default_factory=dict)
+    other: int = -1  # what a case puts beside the box
 
     def __post_init__(self) -> None:
         self.client.setGravity(0.0, 0.0, -9.81)
@@ -71,46 +71,37 @@ Act = Callable[[Yard, int], object]
 
 def table(yard: Yard) -> None:
     """The box stands on a table of the user's own."""
-    yard.ids["table"] = put(yard.client, Box(2.0, 2.0, 0.5), (0.0, 0.0, 0.25), 0.0)
+    yard.other = put(yard.client, Box(2.0, 2.0, 0.5), (0.0, 0.0, 0.25), 0.0)
     yard.move(yard.box, (0.0, 0.0, 0.5 + SIDE))
-
-
-def tied(yard: Yard) -> None:
-    """A rod ties the box to another one."""
-    yard.ids["other"] = yard.add((1.0, 0.0, SIDE))
-    pivots = (0.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
-    yard.client.createConstraint(yard.box, -1, yard.ids["other"], -1, pb.JOINT_POINT2POINT, (0, 0, 0), *pivots)
 
 
 def stacked(yard: Yard) -> None:
     """The box stands on another one."""
-    yard.ids["other"] = yard.add((0.0, 0.0, SIDE))
+    yard.other = yard.add((0.0, 0.0, SIDE))
     yard.move(yard.box, (0.0, 0.0, 3.0 * SIDE))
 
 
-def pusher(yard: Yard) -> None:
-    """A body of the user's own that he moves himself."""
-    yard.ids["pusher"] = yard.add((-0.6, 0.0, SIDE), 0.0, attached=False)
+def tied(yard: Yard) -> None:
+    """A rod ties the box to another one."""
+    yard.other = yard.add((1.0, 0.0, SIDE))
+    pivots = (0.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
+    yard.client.createConstraint(yard.box, -1, yard.other, -1, pb.JOINT_POINT2POINT, (0, 0, 0), *pivots)
 
 
 def alone(yard: Yard) -> None:
-    """Nothing more."""
+    """A body of the user's own stands beside the box."""
+    yard.other = yard.add((-0.6, 0.0, SIDE), 0.0, attached=False)
 
 
-def moved(name: str, place: tuple[float, float, float], velocity: tuple[float, float, float]) -> Act:
-    """What its user moves in each step from a place on [m], at a velocity [m/s]."""
+def moved(place: tuple[float, float, float], velocity: tuple[float, float, float], *, goes: bool = True) -> Act:
+    """The user moves the other body himself in each step, from a place on [m], at a velocity [m/s]; a belt that has a
+    velocity, and is held where it is, does not go."""
 
     def act(yard: Yard, step: int) -> None:
-        yard.move(yard.ids[name], tuple(np.add(place, np.multiply(velocity, step * DT))))
-        yard.client.resetBaseVelocity(yard.ids[name], velocity)
+        yard.move(yard.other, tuple(np.add(place, np.multiply(velocity, goes * step * DT))))
+        yard.client.resetBaseVelocity(yard.other, velocity)
 
     return act
-
-
-def belt(yard: Yard, _: int) -> None:
-    """The table is held where it is, and has a velocity."""
-    yard.move(yard.ids["table"], (0.0, 0.0, 0.25))
-    yard.client.resetBaseVelocity(yard.ids["table"], (0.3, 0.0, 0.0))
 
 
 def at_first(act: Callable[[Yard], object]) -> Act:
@@ -118,19 +109,14 @@ def at_first(act: Callable[[Yard], object]) -> Act:
     return lambda yard, step: act(yard) if step == 0 else None
 
 
-def taken(name: str) -> Act:
-    """What is removed from PyBullet."""
-    return at_first(lambda yard: yard.client.removeBody(yard.ids[name]))
-
-
 CASES: dict[str, tuple[Callable[[Yard], None], Act]] = {
-    "a tied body is driven": (tied, lambda yard, _: yard.client.resetBaseVelocity(yard.ids["other"], (0.5, 0.0, 0.0))),
-    "the box below is detached": (stacked, at_first(lambda yard: yard.ground.detach(yard.ids["other"]))),
-    "the box below is removed": (stacked, taken("other")),
-    "its table is removed": (table, taken("table")),
-    "its table is a lift": (table, moved("table", (0.0, 0.0, 0.25), (0.0, 0.0, 0.2))),
-    "its table is a conveyor": (table, belt),
-    "a pusher comes": (pusher, moved("pusher", (-0.6, 0.0, SIDE), (0.5, 0.0, 0.0))),
+    "a tied body is driven": (tied, lambda yard, _: yard.client.resetBaseVelocity(yard.other, (0.5, 0.0, 0.0))),
+    "the box below is detached": (stacked, at_first(lambda yard: yard.ground.detach(yard.other))),
+    "the box below is removed": (stacked, at_first(lambda yard: yard.client.removeBody(yard.other))),
+    "its table is removed": (table, at_first(lambda yard: yard.client.removeBody(yard.other))),
+    "its table is a lift": (table, moved((0.0, 0.0, 0.25), (0.0, 0.0, 0.2))),
+    "its table is a conveyor": (table, moved((0.0, 0.0, 0.25), (0.3, 0.0, 0.0), goes=False)),
+    "a pusher comes": (alone, moved((-0.6, 0.0, SIDE), (0.5, 0.0, 0.0))),
     "a body falls on it": (alone, at_first(lambda yard: yard.add((0.1, 0.0, 1.5), 5.0, attached=False))),
     "its velocity is set": (alone, at_first(lambda yard: yard.client.resetBaseVelocity(yard.box, (1.0, 0.0, 1.0)))),
     "it is turned": (alone, at_first(lambda yard: yard.move(yard.box, (0.0, 0.0, SIDE), (0.0, 0.0, 0.1, 0.995)))),
