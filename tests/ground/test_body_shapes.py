@@ -10,7 +10,6 @@ import pytest
 from smartmesh_ros import Box, Capsule, Cylinder, Sphere
 from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.ground.body_shapes import read_shapes
-from smartmesh_ros.ground.shapes import ShapeKind
 from tests.bodies import ground_of, height, lowest_of, put, random_turn, run
 from tests.grounds import level
 
@@ -33,7 +32,6 @@ def test_a_shape_given_is_the_shape_read(client: Any, shape: Any, maximal: bool)
     for name in ("kind", "half", "rounding", "offset", "radius"):
         np.testing.assert_allclose(getattr(read, name), getattr(given_, name), atol=1e-9)
     assert read.radius == pytest.approx(shape.bounding_radius)
-    assert (read.kind == ShapeKind.BALL) == isinstance(shape, Sphere)
 
 
 def lowest_by_bullet(client: Any, body: int, link: int, floor: int) -> float:

@@ -99,12 +99,15 @@ def test_a_client_has_one_ground_at_a_time(client: Any) -> None:
 
 def test_a_client_that_was_reset_is_named_and_takes_a_new_ground(client: Any) -> None:
     ground = ground_of(client, level(), put(client, BALL, START))
+    ground.show()
     client.stepSimulation()
     client.resetSimulation()
-    with pytest.raises(InputError, match="the PyBullet client was reset"):
-        ground.step(DT, DT)
+    for call in (lambda: ground.step(DT, DT), ground.show):
+        with pytest.raises(InputError, match=r"the PyBullet client was reset.*make another"):
+            call()
     client.stepSimulation()
     ground.close()
+    assert not ground.shown
     client.setGravity(0.0, 0.0, -9.81)
     require_standing(client, Ground(client, level()))
 

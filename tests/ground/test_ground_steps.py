@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from smartmesh_ros import Ground, InputError
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.bodies import ground_of, height, put, run
@@ -51,14 +50,6 @@ def test_a_body_that_is_nowhere_disturbs_no_other(client: Any) -> None:
     client.resetBasePositionAndOrientation(lost, (math.nan, 0.0, 0.0), (0, 0, 0, 1))
     run(ground_of(client, level(), lost, fine))
     assert height(client, fine) == pytest.approx(0.02, abs=1e-3)
-
-
-def test_a_step_of_another_length_than_pybullets_is_refused(client: Any) -> None:
-    ground = Ground(client, level())
-    with pytest.raises(InputError, match=r"dt is 0\.01 s, but PyBullet steps 0\.0041\d* s; call setTimeStep\(0\.01\)"):
-        ground.step(0.0, 0.01)
-    client.setTimeStep(0.01)
-    ground.step(0.0, 0.01)
 
 
 def test_ground_of_a_mesh_above_a_body_counts_only_where_there_is_none_below_it(client: Any) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros import Deck, Ground, HeightMap, InputError, Sphere
+from smartmesh_ros import Deck, Ground, HeightMap, Sphere
 from smartmesh_ros.terrain.colours import FRICTION, GROUND
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
@@ -188,16 +188,3 @@ def test_tiles_come_move_and_go(client: Any) -> None:
     assert sorted(ground.shown) == ["fine", "map"]
     ground.hide()
     assert client.getNumBodies() == bodies and not ground.shown
-
-
-def test_what_cannot_be_shown_is_refused(client: Any) -> None:
-    ground = Ground(client, level())
-    for rate in (0.0, -1.0, math.nan, math.inf):
-        with pytest.raises(InputError, match="above zero"):
-            ground.show(rate)
-    ground.show()
-    client.resetSimulation()
-    with pytest.raises(InputError, match="make another"):
-        ground.show()
-    ground.close()
-    assert not ground.shown
