@@ -19,16 +19,12 @@ HULL_MARGIN = 1e-3
 FLOOR = Box(100.0, 100.0, 100.0)  # whose top is at zero
 
 
-def read_shape(client: Any, body: int, link: int = -1) -> BodyShape:
-    return read_shapes(client, body)[link]
-
-
 @pytest.mark.parametrize("maximal", [False, True])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_shape_given_is_the_shape_read(client: Any, shape: Any, maximal: bool) -> None:
     """Also where PyBullet does not report it."""
     body = put(client, shape, (0.0, 0.0, 0.0), useMaximalCoordinates=maximal)
-    given_, read = shape.body_shape, read_shape(client, body)
+    given_, read = shape.body_shape, read_shapes(client, body)[-1]
     for name in ("kind", "half", "rounding", "offset", "radius"):
         np.testing.assert_allclose(getattr(read, name), getattr(given_, name), atol=1e-9)
     assert read.radius == pytest.approx(shape.bounding_radius)
@@ -58,7 +54,7 @@ def test_several_shapes_reach_as_far_as_they_do_in_bullet(client: Any) -> None:
             collisionFrameOrientations=turns.tolist(),
         )
         body = client.createMultiBody(1.0, form)
-        shape = read_shape(client, body)
+        shape = read_shapes(client, body)[-1]
         for _ in range(5):
             client.resetBasePositionAndOrientation(body, (0.0, 0.0, 3.0), random_turn(rng))
             lowest = lowest_by_bullet(client, body, -1, floor)

@@ -1,11 +1,11 @@
 """Shapes on crests, rims and in impacts: what is solid stays outside the ground, and nothing gains energy."""
 
 import itertools
+from typing import Any
 
 import numpy as np
 import pybullet as pb
 import pytest
-from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, PhysicsConfig, Sphere
 from smartmesh_ros.core import _core
@@ -75,10 +75,9 @@ def depth_of(line: FloatArray, planes: FloatArray, at: FloatArray, turn: FloatAr
 @pytest.mark.parametrize("speed", [0.0, 6.0])
 @pytest.mark.parametrize("is_box", [True, False])
 @pytest.mark.parametrize("form", CRESTS)
-def test_crests_stay_outside_shapes_that_lean_over_them(form: str, is_box: bool, speed: float) -> None:
+def test_crests_stay_outside_shapes_that_lean_over_them(client: Any, form: str, is_box: bool, speed: float) -> None:
     """At most 1 mm, of 12 boxes or sharp hulls each, also where they slide at a ``speed`` [m/s] and turn."""
     rng = np.random.default_rng(len(form) + is_box)
-    client = BulletClient(pb.DIRECT)
     set_up(client, PhysicsConfig(rate=RATE))
     ground = Ground(client, crest(form, 360))
     bodies = []
@@ -107,7 +106,6 @@ def test_crests_stay_outside_shapes_that_lean_over_them(form: str, is_box: bool,
         for body, line, planes in bodies:
             at, turn = (np.array(part) for part in client.getBasePositionAndOrientation(body))
             deepest = max(deepest, depth_of(line, planes, at, turn))
-    client.disconnect()
     assert deepest < 1e-3
 
 
