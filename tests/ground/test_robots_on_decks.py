@@ -1,4 +1,4 @@
-"""Bodies and robots on ground at constant velocity move as on ground at rest."""
+"""Bodies and robots on decks at constant velocity move as on ground at rest."""
 
 import numpy as np
 import pytest
@@ -22,18 +22,16 @@ CHAIN = robot(
     joint("one", "continuous", "first", "second", xyz="0.4 0 0"),
     joint("two", "continuous", "second", "third", xyz="0.4 0 0", axis="0 0 1"),
 )  # fmt: skip
-
-
 BOX, BALL = Box(0.5, 0.4, 0.3), Sphere(0.2)
 
 
 def thrown(body: Shape | str, drift: FloatArray, waves: float, across: float, yaw: float) -> FloatArray:
     """Places of a body, or of the root of a robot, that is thrown onto a deck, in the deck's frame after each step [m].
 
-    ``waves`` [m]: amplitude of waves on the deck. ``across``: friction of the body across its first axis, as a share of
-    that along it. ``yaw`` [rad]: of the deck."""
+    ``drift`` [m/s]: of the deck, zero = the ground is no deck. ``waves`` [m]: amplitude of waves on the ground.
+    ``across``: friction of the body across its first axis, as a share of that along it. ``yaw`` [rad]: of the deck."""
     tile, terrain, found, turn = level(41, 0.2), Terrain(), [], rotation(about_z(yaw))
-    terrain.put("deck", Deck(tile))
+    terrain.put("deck", Deck(tile) if drift.any() else tile)
     linear, spin = turn @ [1.0, 0.5, -2.0] + drift, turn @ [2.0, 3.0, 1.0]
     with world_of(terrain, restitution=0.3, sleep=False) as world:
         state = BodyState(tuple(turn @ [0.2, 0.3, 0.6]), about_z(yaw), tuple(linear), tuple(spin))
@@ -43,7 +41,8 @@ def thrown(body: Shape | str, drift: FloatArray, waves: float, across: float, ya
             time = world.time
             if step % 4 == 0:
                 tile.replace(ROUGH + waves * np.sin(ALONG + 3.0 * time), time=time)
-            terrain.deck("deck").move(drift * time, about_z(yaw), time=time, velocity=drift, spin=np.zeros(3))
+            for deck in terrain.decks.values():
+                deck.move(drift * time, about_z(yaw), time=time, velocity=drift, spin=np.zeros(3))
             world.step()
             found.append(turn.T @ (world.state("body").position - drift * world.time))
     return np.array(found)
@@ -57,7 +56,7 @@ def thrown(body: Shape | str, drift: FloatArray, waves: float, across: float, ya
         (BOX, 0.1, 1.0, 0.6, 5e-3), (BALL, 0.1, 1.0, 0.6, 1e-9),
     ],
 )  # fmt: skip
-def test_physics_on_a_deck_at_constant_velocity_is_that_on_one_at_rest(
+def test_physics_on_a_deck_at_constant_velocity_is_that_on_ground_at_rest(
     body: Shape | str, waves: float, across: float, yaw: float, error: float
 ) -> None:
     """Galilei, to rounding; boxes on waves, which a turn of the deck about the vertical disturbs a little, to 5 mm."""
