@@ -1,5 +1,6 @@
 """Bodies of every shape as tests know them, written independently of the package: where they are, turned how."""
 
+import math
 from functools import cache
 from typing import Any
 
@@ -7,14 +8,28 @@ import numpy as np
 import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import Ground, HeightMap
+from smartmesh_ros import Ground, HeightMap, Terrain
 from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from smartmesh_ros.terrain.terrain import MainMesh
 
+Turn = tuple[float, float, float, float]
+UPRIGHT: Turn = (0.0, 0.0, 0.0, 1.0)
+LYING: Turn = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))  # with its z along y
 TETRAHEDRON = np.array([[1.0, 0.0, -0.4], [-0.5, 0.8, -0.4], [-0.5, -0.8, -0.4], [0.0, 0.0, 1.0]])
 
 
-def rotation(q: np.ndarray) -> np.ndarray:
+def about_y(angle: float) -> Turn:
+    """The quaternion of a turn [rad]."""
+    return 0.0, math.sin(0.5 * angle), 0.0, math.cos(0.5 * angle)
+
+
+def about_z(angle: float) -> Turn:
+    """The quaternion of a turn [rad]."""
+    return 0.0, 0.0, math.sin(0.5 * angle), math.cos(0.5 * angle)
+
+
+def rotation(q: np.ndarray | Turn) -> np.ndarray:
     """The matrix of a unit quaternion (x, y, z, w)."""
     x, y, z, w = q
     return np.array(
@@ -74,6 +89,14 @@ def lowest_of(shape: BodyShape, position: np.ndarray, turn: np.ndarray) -> float
 def put(client: Any, shape: Shape, at: tuple[float, float, float], mass: float = 1.0, **options: Any) -> int:
     """A body in a PyBullet client of the test's own; returns its id."""
     return int(client.createMultiBody(mass, client.createCollisionShape(**shape.bullet()), basePosition=at, **options))
+
+
+def ground_of(client: Any, terrain: MainMesh | Terrain, *bodies: int) -> Ground:
+    """The ground of a client, to which these bodies are attached."""
+    ground = Ground(client, terrain)
+    for body in bodies:
+        ground.attach(body)
+    return ground
 
 
 def height(client: Any, body: int) -> float:

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smartmesh_ros import HeightMap, PhysicsConfig, Terrain, World, WorldConfig
+from smartmesh_ros import BodyState, Deck, HeightMap, PhysicsConfig, Terrain, World, WorldConfig
+from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.terrain import MainMesh
 
 Form = Callable[[np.ndarray, np.ndarray], ArrayLike]  # heights [m] by x and y [m]
@@ -29,12 +30,30 @@ def world_of(ground: MainMesh | Terrain, **physics: Any) -> World:
     return World(ground, WorldConfig(physics=PhysicsConfig(**physics)))
 
 
-def terrain_of(**tiles: MainMesh) -> Terrain:
-    """A terrain of several maps or meshes."""
+def terrain_of(**tiles: MainMesh | Deck) -> Terrain:
+    """A terrain of several maps, meshes or decks."""
     terrain = Terrain()
     for name, mesh in tiles.items():
         terrain.put(name, mesh)
     return terrain
+
+
+def add(world: World, name: str, body: Shape | str, start: BodyState, mass: float = 1.0) -> None:
+    """Spawn a body of a shape, or the robot of a description."""
+    if isinstance(body, str):
+        world.spawn_robot(name, body, start)
+    else:
+        world.spawn(name, body, mass, start)
+
+
+def end_of(
+    ground: MainMesh | Terrain, body: Shape | str, start: BodyState, steps: int, mass: float = 1.0, **physics: Any
+) -> BodyState:
+    """The state of a body or a robot after so many steps in a world of its own with some settings of its physics."""
+    with world_of(ground, **physics) as world:
+        add(world, "body", body, start, mass)
+        world.step(steps)
+        return world.state("body")
 
 
 def moving(world: World, heights: Callable[[float], ArrayLike], steps: int, every: int = 4) -> Iterator[int]:

@@ -19,10 +19,6 @@ def zeros(columns: int, rows: int = SLOTS) -> np.ndarray:
     return np.zeros((rows, columns))
 
 
-def slots() -> np.ndarray:
-    return np.array([7, 0, 3])
-
-
 def flags() -> np.ndarray:
     return np.ones(SLOTS, bool)
 

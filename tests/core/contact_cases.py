@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from smartmesh_ros import HeightMap
 from smartmesh_ros.core import _core
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from tests.terrain.surfaces import normals_of
+from tests.terrain.surfaces import facet_distances, triangles_of
 
 IDENTITY = coal.Transform3s(np.eye(3), np.zeros(3))
 # Sides of the polygon that stands for a circle where coal gives cylinders no depth [-]. Its error is 0.1 mm at a radius
@@ -167,25 +167,15 @@ class Ground:
     @cached_property
     def corners(self) -> np.ndarray:
         """Corners of the facets (F, 3, 3) [m]."""
-        return self.points[grid_triangles(*self.heights.shape)]
+        return triangles_of(self.heightmap, 0.0)
 
     @cached_property
     def facets(self) -> Facets:
         return Facets(self.corners)
 
-    @cached_property
-    def normals(self) -> np.ndarray:
-        """Unit normals of the facets (F, 3)."""
-        return normals_of(self.corners)
-
     def touching(self, point: np.ndarray) -> np.ndarray:
-        """Returns the indices of the facets that a point [m] lies on."""
-        found = np.abs(np.einsum("ij,ij->i", self.normals, point - self.corners[:, 0])) < 1e-7
-        for k in range(3):
-            one, other = self.corners[:, k], self.corners[:, (k + 1) % 3]
-            inwards = np.cross(self.normals, other - one)
-            found &= np.einsum("ij,ij->i", inwards, point - one) >= -1e-7 * np.linalg.norm(inwards, axis=1)
-        return np.flatnonzero(found)
+        """Returns the facets that a point [m] lies on."""
+        return self.corners[facet_distances(self.corners, point[None])[0] < 1e-7]
 
 
 def random_ground(rng: np.random.Generator) -> Ground:

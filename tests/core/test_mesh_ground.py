@@ -1,19 +1,20 @@
 """Bodies on triangle meshes of any form rest on what the mesh is."""
 
-import math
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, Box, Capsule, Cylinder, HeightMap, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-from tests.bodies import rotation
+from tests.bodies import LYING, UPRIGHT, Turn, about_z, rotation
 from tests.core import mesh_parts
 from tests.core.contact_cases import random_case, random_ground
-from tests.grounds import level
-from tests.terrain.surfaces import distances
+from tests.grounds import level, terrain_of
+from tests.terrain.surfaces import distances, triangles_of
 
 STEP = 1.0 / 240.0
 BALL, BOX, CYLINDER, CAPSULE = (
@@ -23,24 +24,27 @@ BALL, BOX, CYLINDER, CAPSULE = (
     Capsule(radius=0.06, height=0.2),
 )
 SHAPES: dict[str, Shape] = {"ball": BALL, "box": BOX, "cylinder": CYLINDER, "capsule": CAPSULE}
-HEIGHTS = {BALL: 0.1, BOX: 0.06, CYLINDER: 0.08, CAPSULE: 0.16}  # of their middles at rest [m]
+ABOUT_Z = about_z(0.3)
+# Shapes and orientations, and the height of their middles at rest [m].
+RESTS: list[tuple[Shape, Turn, float]] = [
+    (BALL, UPRIGHT, 0.1), (BOX, UPRIGHT, 0.06), (CYLINDER, UPRIGHT, 0.08), (CAPSULE, UPRIGHT, 0.16),
+    (BOX, ABOUT_Z, 0.06), (CYLINDER, LYING, 0.1), (CAPSULE, LYING, 0.06),
+]  # fmt: skip
 # Bullet's solver leaves 10 um of penetration.
 RESTING = 1.2e-5
 Vector = tuple[float, float, float]
-Turn = tuple[float, float, float, float]
 STILL: Vector = (0.0, 0.0, 0.0)
-LEVEL: Turn = (0.0, 0.0, 0.0, 1.0)
-LYING: Turn = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))  # with its axis along y
-ABOUT_Z: Turn = (0.0, 0.0, math.sin(0.15), math.cos(0.15))
 
 
 class GroundWorld(World):
     """Bodies of 1 kg that never sleep, and are not put back onto the ground."""
 
-    def __init__(self, ground: HeightMap | TriangleMesh, step: float = STEP) -> None:
+    def __init__(self, ground: MainMesh | Terrain, step: float = STEP) -> None:
         super().__init__(ground, WorldConfig(physics=PhysicsConfig(rate=1.0 / step, sleep=False)))
 
-    def add(self, shape: Shape, at: Vector, linear: Vector = STILL, angular: Vector = STILL, turn: Turn = LEVEL) -> str:
+    def add(
+        self, shape: Shape, at: Vector, linear: Vector = STILL, angular: Vector = STILL, turn: Turn = UPRIGHT
+    ) -> str:
         """Return the name of a body with its centre at a point [m] that moves [m/s] and turns [rad/s]."""
         name = f"body {len(self.bodies)}"
         self.spawn(name, shape, 1.0, BodyState(at, turn, linear, angular))
@@ -65,8 +69,7 @@ def test_what_falls_stops_at_the_surface(form: str, speed: float) -> None:
     table = mesh_parts.joined(mesh_parts.box((-4.0, -4.0, -0.05), (4.0, 4.0, 0.0)), mesh_parts.sheet(8.0, 1))
     table[0][8:, 2] = -1.0
     meshes = {"sheet": sheet, "soup": mesh_parts.soup(sheet), "blocks": mesh_parts.blocks(6, 0.0, 1.0), "table": table}
-    standing = [(shape, LEVEL, height) for shape, height in HEIGHTS.items()]
-    for shape, turn, height in (*standing, (BOX, ABOUT_Z, 0.06), (CYLINDER, LYING, 0.1), (CAPSULE, LYING, 0.06)):
+    for shape, turn, height in RESTS:
         with GroundWorld(level(201, 0.05) if form == "map" else TriangleMesh(*meshes[form])) as world:
             places = [(x, 0.3 * x, height + 0.5) for x in (0.1, 1.2, 2.1)]
             bodies = [world.add(shape, place, (0.0, 0.0, -speed), turn=turn) for place in places]
@@ -78,6 +81,36 @@ def test_what_falls_stops_at_the_surface(form: str, speed: float) -> None:
             np.testing.assert_allclose([world.position(body)[2] for body in bodies], height, atol=RESTING)
 
 
+@pytest.mark.parametrize("floor", ["map", "mesh"])
+@pytest.mark.parametrize("thickness", [0.0, 0.002, 0.05])
+def test_bodies_rest_on_a_table_and_under_it_as_the_ground_says(thickness: float, floor: str) -> None:
+    """A table that is 0.6 m high; of no thickness it is one sheet."""
+    top = mesh_parts.box((-0.5, -0.5, -thickness), (0.5, 0.5, 0.0)) if thickness else mesh_parts.sheet(1.0, 3)
+    top[0][:, 2] += 0.6
+    ground: Any = TriangleMesh(*mesh_parts.joined(mesh_parts.sheet(6.0, 1), top))
+    if floor == "map":
+        ground = terrain_of(floor=level(61), table=TriangleMesh(*top))
+    for shape, turn, height in RESTS:
+        with GroundWorld(ground) as world:
+            places = [(0.1, 0.05, 0.6), (0.05, 0.1, 0.0), (1.5, 0.0, 0.0)]
+            bodies = [world.add(shape, (x, y, z + height + 0.02), turn=turn) for x, y, z in places]
+            world.run(4.0)
+            centres = np.array([world.position(body) for body in bodies])
+            below = world.ground.at(centres, world.time).z
+            np.testing.assert_allclose(below, (0.6, 0.0, 0.0), atol=1e-9)
+            np.testing.assert_allclose(centres[:, 2] - height, below, atol=RESTING)
+            assert world.rescues == 0
+
+
+def rough(kind: type, rng: np.random.Generator, scale: float, size: int) -> HeightMap | TriangleMesh:
+    """White noise in cells of 0.1 m."""
+    side = 10 * size + 1
+    heights = rng.normal(scale=scale, size=(side, side)).astype(np.float32)
+    if kind is HeightMap:
+        return HeightMap(heights, resolution=0.1, origin=(-0.5 * size, -0.5 * size))
+    return TriangleMesh(*mesh_parts.sheet(size, 10 * size, lambda x, y: heights.astype(np.float64)))
+
+
 @pytest.mark.parametrize("kind", [HeightMap, TriangleMesh])
 @pytest.mark.parametrize(
     ("radius", "speed", "overlap"),
@@ -87,32 +120,26 @@ def test_balls_that_fall_onto_rough_ground_hardly_overlap_its_corners_and_edges_
     kind: type, radius: float, speed: float, overlap: float
 ) -> None:
     rng = np.random.default_rng(5)
-    heights = rng.normal(scale=0.02, size=(41, 41)).astype(np.float32)
-    vertices, triangles = mesh_parts.sheet(4.0, 40, lambda x, y: heights.astype(np.float64))
-    ground = HeightMap(heights, resolution=0.1, origin=(-2.0, -2.0))
-    with GroundWorld(ground if kind is HeightMap else TriangleMesh(vertices, triangles)) as world:
+    ground = rough(kind, rng, 0.02, 4)
+    facets = triangles_of(ground, 0.0)
+    with GroundWorld(ground) as world:
         for x, y, vx, vy in rng.uniform((-1.0, -1.0, -0.5, -0.5), (1.0, 1.0, 0.5, 0.5), (8, 4)).tolist():
             world.add(Sphere(radius), (x, y, 0.5), (speed * vx, speed * vy, -speed))
         world.let_pass()
         for _ in range(60):
             world.run(STEP)
             for body in world.bodies:
-                assert distances(vertices[triangles], world.position(body)[None], 0.3)[0] > radius - overlap
+                assert distances(facets, world.position(body)[None], 0.3)[0] > radius - overlap
         assert world.below_ground() == []
 
 
 @pytest.mark.parametrize("kind", [HeightMap, TriangleMesh])
 def test_balls_roll_over_rough_ground_as_in_small_steps(kind: type) -> None:
-    rng = np.random.default_rng(1)
-    heights = rng.normal(scale=0.01, size=(61, 61)).astype(np.float32)
-    ways = [(*rng.uniform(-1.0, 1.0, 2), *rng.uniform(-1.5, 1.5, 2)) for _ in range(9)]
+    ways = np.random.default_rng(2).uniform((-1.0, -1.0, -1.5, -1.5), (1.0, 1.0, 1.5, 1.5), (9, 4))
     found = []
     for step in (STEP, STEP / 40.0):
-        ground = HeightMap(heights, resolution=0.1, origin=(-3.0, -3.0))
-        if kind is TriangleMesh:
-            ground = TriangleMesh(*mesh_parts.sheet(6.0, 60, lambda x, y: heights.astype(np.float64)))
-        with GroundWorld(ground, step=step) as world:
-            for x, y, vx, vy in ways:
+        with GroundWorld(rough(kind, np.random.default_rng(1), 0.01, 6), step=step) as world:
+            for x, y, vx, vy in ways.tolist():
                 world.add(BALL, (x, y, 0.16), (vx, vy, 0.0), (-vy / 0.1, vx / 0.1, 0.0))
             world.let_pass()
             world.run(0.5)
@@ -162,7 +189,7 @@ def test_inner_edges_of_a_flat_mesh_are_not_felt(ground: str) -> None:
         )  # fmt: skip
     with GroundWorld(TriangleMesh(*flat)) as world:
         ball = world.add(BALL, (-2.0, 0.9, 0.1), (1.0, 0.3, 0.0), (-3.0, 10.0, 0.0))
-        places = ((BOX, 0.5, 0.06, ABOUT_Z), (CYLINDER, -0.5, 0.08, LEVEL), (BOX, -1.0, 0.06, LEVEL))
+        places = ((BOX, 0.5, 0.06, ABOUT_Z), (CYLINDER, -0.5, 0.08, UPRIGHT), (BOX, -1.0, 0.06, UPRIGHT))
         sliders = [world.add(shape, (-2.0, y, z), (1.0, 0.1, 0.0), turn=turn) for shape, y, z, turn in places]
         for body in sliders:
             world.client.changeDynamics(world.bodies[body].uid, -1, lateralFriction=0.0)
@@ -174,14 +201,12 @@ def test_inner_edges_of_a_flat_mesh_are_not_felt(ground: str) -> None:
 
 
 def test_a_turntable_turns_a_box() -> None:
-    vertices, triangles = mesh_parts.sheet(4.0, 8)
-    spin = 0.5
+    spin, (vertices, triangles) = 0.5, mesh_parts.sheet(4.0, 8)
     mesh = TriangleMesh(vertices, triangles)
     with GroundWorld(mesh) as world:
         box = world.add(BOX, (0.5, 0.0, 0.06))
         for k in range(60):
-            angle = spin * k / 20
-            now = vertices @ rotation(np.array([0.0, 0.0, np.sin(0.5 * angle), np.cos(0.5 * angle)])).T
+            now = vertices @ rotation(about_z(spin * k / 20)).T
             mesh.move(now, time=k / 20, velocities=np.cross([0.0, 0.0, spin], now))
             world.run(0.05)
         x, y, _ = world.position(box)

@@ -1,7 +1,6 @@
-"""Shapes of bodies against the library coal."""
+"""Shapes of bodies against their points and the library coal."""
 
-from collections.abc import Callable
-from typing import Any
+from itertools import product
 
 import coal
 import numpy as np
@@ -13,50 +12,30 @@ from smartmesh_ros.core import CORE
 from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.world.robots.hull_vertices import MOST_OUTSIDE, fewer_vertices
 from tests.bodies import lowest_of, random_turn, rotation
-from tests.core.contact_cases import IDENTITY, coal_hull, coal_triangle, distance, wheel
+from tests.core.contact_cases import IDENTITY, coal_hull, distance, wheel
 from tests.examples import examples
 
 seeds = st.integers(0, 10**9)
-Part = tuple[Any, np.ndarray, np.ndarray]  # a geometry of coal's, its offset and its turn
+Part = tuple[BodyShape, np.ndarray, float]  # a shape, points of its frame, and the radius that grows their hull to it
+SHAPES = ("ball", "capsule", "box", "cylinder", "wheel", "hull", "compound")
+CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)))
 
 
-def simple(name: str, rng: np.random.Generator) -> tuple[BodyShape, Part]:
+def part(name: str, rng: np.random.Generator) -> Part:
     a, b, c = (0.2 * np.exp(rng.uniform(-1.5, 0.5, 3))).tolist()
     offset, turn = rng.normal(scale=0.1, size=3), random_turn(rng)
+    points = {
+        "ball": np.zeros((1, 3)), "capsule": np.array([(0.0, 0.0, 0.5 * b), (0.0, 0.0, -0.5 * b)]),
+        "box": CORNERS * (a, b, c), "cylinder": wheel(a, b, 2000), "wheel": wheel(a, 0.5 * a),
+        "hull": rng.normal(size=(int(rng.integers(4, 40)), 3)) * (a, b, c),
+    }[name] @ rotation(turn).T + offset  # fmt: skip
     if name == "ball":
-        return BodyShape.ball(a, offset), (coal.Sphere(a), offset, turn)
+        return BodyShape.ball(a, offset), points, a
     if name == "capsule":
-        return BodyShape.capsule(a, b, offset, turn), (coal.Capsule(a, b), offset, turn)
+        return BodyShape.capsule(a, b, offset, turn), points, a
     if name == "box":
-        return BodyShape.box((a, b, c), offset, turn), (coal.Box(a, b, c), offset, turn)
-    if name == "cylinder":
-        return BodyShape.cylinder(a, b, offset, turn), (coal.Cylinder(a, b), offset, turn)
-    points = wheel(a, 0.5 * a) if name == "wheel" else rng.normal(size=(int(rng.integers(4, 40)), 3)) * (a, b, c)
-    placed = points @ rotation(turn).T + offset
-    return BodyShape.hull(placed), (coal_hull(points), offset, turn)
-
-
-def shape_named(name: str, rng: np.random.Generator) -> tuple[BodyShape, list[Part]]:
-    if name != "compound":
-        made, part = simple(name, rng)
-        return made, [part]
-    made_parts = [simple(kind, rng) for kind in ("box", "ball", "hull", "cylinder")]
-    return BodyShape.compound([made for made, _ in made_parts]), [part for _, part in made_parts]
-
-
-SHAPES = ("ball", "capsule", "box", "cylinder", "wheel", "hull", "compound")
-
-
-def true_distance(parts: list[Part], position: np.ndarray, turn: np.ndarray) -> Callable[[np.ndarray], float]:
-    """Returns a function that gives the distance of a triangle (3, 3) from a shape, zero or less if they overlap."""
-    axes = rotation(turn)
-    poses = [coal.Transform3s(axes @ rotation(q), axes @ offset + position) for _, offset, q in parts]
-
-    def found(corners: np.ndarray) -> float:
-        one = coal_triangle(corners)
-        return min(distance(one, IDENTITY, part[0], pose) for part, pose in zip(parts, poses, strict=True))
-
-    return found
+        return BodyShape.box((a, b, c), offset, turn), points, 0.0
+    return BodyShape.cylinder(a, b, offset, turn) if name == "cylinder" else BodyShape.hull(points), points, 0.0
 
 
 def test_few_vertices_of_a_hull_hold_the_others_but_for_a_millimetre() -> None:
@@ -92,11 +71,12 @@ def test_distances_from_a_hull_are_those_of_coal(seed: int) -> None:
 
 @examples(100)
 @given(seeds, st.sampled_from(SHAPES))
-def test_a_body_reaches_as_far_down_as_its_distance_from_a_floor_says(seed: int, name: str) -> None:
+def test_a_body_reaches_as_far_down_as_its_points(seed: int, name: str) -> None:
     rng = np.random.default_rng(seed)
-    made, parts = shape_named(name, rng)
+    parts = [part(kind, rng) for kind in (("box", "ball", "hull", "cylinder") if name == "compound" else (name,))]
+    made = BodyShape.compound([shape for shape, *_ in parts]) if name == "compound" else parts[0][0]
     position, turn = rng.normal(scale=0.2, size=3), random_turn(rng)
-    floor = np.array([[-20.0, -20.0, -3.0], [20.0, -20.0, -3.0], [0.0, 30.0, -3.0]])
     lowest = lowest_of(made, position, turn)
-    assert lowest == pytest.approx(true_distance(parts, position, turn)(floor) - 3.0, abs=1e-5)
+    lows = [float((points @ rotation(turn)[2]).min()) - radius for _, points, radius in parts]
+    assert lowest == pytest.approx(position[2] + min(lows), abs=1e-5)
     assert lowest >= position[2] - made.radius - 1e-9

@@ -20,10 +20,10 @@ FLAT = np.zeros((41, 41))
 
 class Scene:
     """Rigid bodies, multibodies, robots with joints, some of them fixed, on a map that waves and covers them, on one
-    that is corrected and goes, and on decks. ``soil``: under the first half."""
+    that is corrected and goes, and on decks. ``client``: None = one of its own. ``soil``: under the first half."""
 
-    def __init__(self, *, soil: bool = False) -> None:
-        self.client: Any = BulletClient(pb.DIRECT)
+    def __init__(self, client: Any = None, *, soil: bool = False) -> None:
+        self.client = client or BulletClient(pb.DIRECT)
         set_up(self.client, PhysicsConfig())
         self.time, self.soil = 0.0, soil
         corrected = MotionConfig(changes="correction", settle=0.1)

@@ -13,11 +13,6 @@ from tests.grounds import level, world_of
 OMEGA = math.tau / 8.0
 
 
-def about_y(angle: float) -> FloatArray:
-    """The quaternion of a turn [rad]."""
-    return np.array([0.0, math.sin(0.5 * angle), 0.0, math.cos(0.5 * angle)])
-
-
 class Ship(NamedTuple):
     """A ship that surges, heaves, rolls and pitches about a place 2 m above the origin."""
 

@@ -1,6 +1,5 @@
 """Shapes read from PyBullet hold what PyBullet collides."""
 
-from contextlib import closing
 from typing import Any
 
 import numpy as np
@@ -8,11 +7,10 @@ import pybullet as pb
 import pybullet_data
 import pytest
 
-from smartmesh_ros import Box, Capsule, Cylinder, Ground, Sphere
+from smartmesh_ros import Box, Capsule, Cylinder, Sphere
 from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.ground.body_shapes import read_shapes
-from smartmesh_ros.ground.shapes import ShapeKind
-from tests.bodies import height, lowest_of, put, run
+from tests.bodies import ground_of, height, lowest_of, put, random_turn, run
 from tests.grounds import level
 
 SHAPES = (Sphere(0.2), Box(0.2, 0.4, 0.6), Cylinder(radius=0.1, height=0.5), Capsule(radius=0.1, height=0.5))
@@ -21,20 +19,15 @@ HULL_MARGIN = 1e-3
 FLOOR = Box(100.0, 100.0, 100.0)  # whose top is at zero
 
 
-def read_shape(client: Any, body: int, link: int = -1) -> BodyShape:
-    return read_shapes(client, body)[link]
-
-
 @pytest.mark.parametrize("maximal", [False, True])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_shape_given_is_the_shape_read(client: Any, shape: Any, maximal: bool) -> None:
     """Also where PyBullet does not report it."""
     body = put(client, shape, (0.0, 0.0, 0.0), useMaximalCoordinates=maximal)
-    given_, read = shape.body_shape, read_shape(client, body)
+    given_, read = shape.body_shape, read_shapes(client, body)[-1]
     for name in ("kind", "half", "rounding", "offset", "radius"):
         np.testing.assert_allclose(getattr(read, name), getattr(given_, name), atol=1e-9)
     assert read.radius == pytest.approx(shape.bounding_radius)
-    assert (read.kind == ShapeKind.BALL) == isinstance(shape, Sphere)
 
 
 def lowest_by_bullet(client: Any, body: int, link: int, floor: int) -> float:
@@ -51,8 +44,7 @@ def lowest_by_shape(client: Any, body: int, link: int, shape: BodyShape) -> floa
 def test_several_shapes_reach_as_far_as_they_do_in_bullet(client: Any) -> None:
     rng, floor = np.random.default_rng(0), put(client, FLOOR, (0.0, 0.0, -50.0), 0.0)
     for _ in range(10):
-        places, turns = rng.normal(scale=0.3, size=(3, 3)), rng.normal(size=(3, 4))
-        turns /= np.linalg.norm(turns, axis=1)[:, None]
+        places, turns = rng.normal(scale=0.3, size=(3, 3)), np.array([random_turn(rng) for _ in range(3)])
         form = client.createCollisionShapeArray(
             shapeTypes=[pb.GEOM_BOX, pb.GEOM_SPHERE, pb.GEOM_CYLINDER],
             halfExtents=[[0.1, 0.2, 0.3], [0.0] * 3, [0.0] * 3],
@@ -62,9 +54,9 @@ def test_several_shapes_reach_as_far_as_they_do_in_bullet(client: Any) -> None:
             collisionFrameOrientations=turns.tolist(),
         )
         body = client.createMultiBody(1.0, form)
-        shape = read_shape(client, body)
-        for turn in rng.normal(size=(5, 4)):
-            client.resetBasePositionAndOrientation(body, (0.0, 0.0, 3.0), turn / np.linalg.norm(turn))
+        shape = read_shapes(client, body)[-1]
+        for _ in range(5):
+            client.resetBasePositionAndOrientation(body, (0.0, 0.0, 3.0), random_turn(rng))
             lowest = lowest_by_bullet(client, body, -1, floor)
             assert lowest - 0.02 <= lowest_by_shape(client, body, -1, shape) <= lowest + 1e-4  # its margin rounds edges
         client.removeBody(body)
@@ -79,8 +71,8 @@ def test_links_reach_as_far_as_they_do_in_bullet(client: Any, urdf: str, flags: 
     links = {link for link in range(-1, client.getNumJoints(robot)) if client.getCollisionShapeData(robot, link)}
     shapes = read_shapes(client, robot)
     assert shapes.keys() == links
-    for turn in rng.normal(size=(6, 4)):
-        client.resetBasePositionAndOrientation(robot, (0.0, 0.0, 3.0), turn / np.linalg.norm(turn))
+    for _ in range(6):
+        client.resetBasePositionAndOrientation(robot, (0.0, 0.0, 3.0), random_turn(rng))
         for link, shape in shapes.items():
             lowest = lowest_by_bullet(client, robot, link, floor)
             assert lowest_by_shape(client, robot, link, shape) == pytest.approx(lowest, abs=HULL_MARGIN)
@@ -89,12 +81,10 @@ def test_links_reach_as_far_as_they_do_in_bullet(client: Any, urdf: str, flags: 
 def test_a_margin_that_changes_after_the_first_contact_counts(client: Any) -> None:
     corners = np.array(np.meshgrid([-0.2, 0.2], [-0.2, 0.2], [-0.2, 0.2])).reshape(3, 8).T
     form = client.createCollisionShape(pb.GEOM_MESH, vertices=corners.tolist())
-    with closing(Ground(client, level())) as ground:
-        body = client.createMultiBody(1.0, form, basePosition=[0.0, 0.0, 0.22])
-        ground.attach(body)
-        heights = []
-        for margin in (0.001, 0.05):
-            client.changeDynamics(body, -1, collisionMargin=margin)
-            run(ground)
-            heights.append(height(client, body))
+    body, heights = client.createMultiBody(1.0, form, basePosition=[0.0, 0.0, 0.22]), []
+    ground = ground_of(client, level(), body)
+    for margin in (0.001, 0.05):
+        client.changeDynamics(body, -1, collisionMargin=margin)
+        run(ground)
+        heights.append(height(client, body))
     assert heights[1] - heights[0] == pytest.approx(0.049, abs=1e-3)

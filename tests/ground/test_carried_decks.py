@@ -2,20 +2,21 @@
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, Deck, Ground, HeightMap, InputError, Sphere, Terrain, World
+from smartmesh_ros import BodyState, Box, Deck, HeightMap, InputError, Sphere, Terrain, World
 from smartmesh_ros.world.driving import Carrier
 from smartmesh_ros.world.joints import JointCommand
-from tests.bodies import put, rotation
-from tests.ground.ships import OMEGA, about_y
+from tests.bodies import about_y, ground_of, put, rotation
+from tests.ground.ships import OMEGA
 from tests.grounds import level, world_of
 from tests.urdfs import HUSKY, box, joint, link, robot
 
 DT = 1.0 / 240.0
+RAFT = Box(2.0, 2.0, 0.2)
 
 
 def test_cargo_rides_on_a_robot_that_drives_and_turns() -> None:
@@ -66,44 +67,34 @@ def test_a_rover_drives_from_a_rolling_deck_over_a_ramp_onto_ground_at_rest() ->
         assert np.abs(np.diff(climbs[240:])).max() < 0.1  # m/s in a step: no jump
 
 
-class Raft(NamedTuple):
-    """What carries a deck in free flight: its kind, its mass [kg], and where on it a ball lands [m]."""
-
-    multibody: bool
-    mass: float
-    off: float
-
-
-RAFTS = (Raft(False, 2.0, 0.8), Raft(True, 2.0, 0.8), Raft(False, 10.0, 0.0), Raft(True, 0.5, 0.0))
-
-
+# What carries a deck in free flight: its kind, its mass [kg], and where on it a ball lands [m].
+@pytest.mark.parametrize(
+    ("maximal", "mass", "off"), [(True, 2.0, 0.8), (False, 2.0, 0.8), (True, 10.0, 0.0), (False, 0.5, 0.0)]
+)
 @pytest.mark.parametrize("restitution", [0.0, 0.6])
-@pytest.mark.parametrize("raft", RAFTS)
 def test_a_ball_and_the_free_body_whose_deck_it_lands_on_conserve_momentum(
-    client: Any, raft: Raft, restitution: float
+    client: Any, maximal: bool, mass: float, off: float, restitution: float
 ) -> None:
     """At the end of each step; and they part with the restitution of their speed."""
     client.setGravity(0.0, 0.0, 0.0)
-    size = Box(2.0, 2.0, 0.2)
-    carrier = put(client, size, (0.0, 0.0, 1.0), raft.mass, useMaximalCoordinates=0 if raft.multibody else 1)
-    ball = put(client, Sphere(0.1), (raft.off, 0.0, 1.8), useMaximalCoordinates=1)
+    carrier = put(client, RAFT, (0.0, 0.0, 1.0), mass, useMaximalCoordinates=maximal)
+    ball = put(client, Sphere(0.1), (off, 0.0, 1.8), useMaximalCoordinates=1)
     client.resetBaseVelocity(ball, (0.0, 0.0, -2.0))
     for body in (carrier, ball):
         client.changeDynamics(body, -1, restitution=restitution, lateralFriction=0.0)
         client.changeDynamics(body, -1, linearDamping=0.0, angularDamping=0.0)
     terrain = Terrain()
     terrain.put("deck", Deck(level(9, 0.25)))
-    ground = Ground(client, terrain)
-    ground.attach(ball)
+    ground = ground_of(client, terrain, ball)
     ground.carry("deck", carrier, position=(0.0, 0.0, 0.3))
     for step in range(120):
         ground.step(step * DT, DT)
         velocity, (linear, angular) = client.getBaseVelocity(ball)[0], client.getBaseVelocity(carrier)
-        assert np.array(velocity) + raft.mass * np.array(linear) == pytest.approx([0.0, 0.0, -2.0], abs=1e-9)
+        assert np.array(velocity) + mass * np.array(linear) == pytest.approx([0.0, 0.0, -2.0], abs=1e-9)
         moment = np.array(client.getDynamicsInfo(carrier, -1)[2])
         spin = np.cross(client.getBasePositionAndOrientation(ball)[0], velocity)
-        spin = spin + raft.mass * np.cross(client.getBasePositionAndOrientation(carrier)[0], linear) + moment * angular
-        assert spin == pytest.approx([0.0, 2.0 * raft.off, 0.0], abs=0.02)  # the moment turns with the raft
+        spin = spin + mass * np.cross(client.getBasePositionAndOrientation(carrier)[0], linear) + moment * angular
+        assert spin == pytest.approx([0.0, 2.0 * off, 0.0], abs=0.02)  # the moment turns with the raft
     arm = np.subtract(client.getBasePositionAndOrientation(ball)[0], client.getBasePositionAndOrientation(carrier)[0])
     parts = np.subtract(velocity, np.add(linear, np.cross(angular, arm)))[2]
     assert parts == pytest.approx(2.0 * restitution, abs=0.06)
@@ -140,7 +131,6 @@ def test_a_lift_carries_a_box_up_also_once_it_is_restored_and_rests_when_the_lif
         assert world.state("box").linear[2] == pytest.approx(0.0, abs=1e-3)
 
 
-RAFT = Box(2.0, 2.0, 0.2)
 CARRIERS: dict[str, Callable[[World], object]] = {
     "spawned": lambda world: world.spawn("raft", RAFT, 5.0),
     "robot": lambda world: world.spawn_robot("raft", robot(link("base", box((2.0, 2.0, 0.2)), 5.0))),

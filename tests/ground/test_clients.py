@@ -11,14 +11,16 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros import Ground, InputError
+from smartmesh_ros import Ground, InputError, Sphere
 from smartmesh_ros.core import CORE
 from smartmesh_ros.ground import layout_probe
 from smartmesh_ros.terrain.motion import MotionConfig
+from tests.bodies import ground_of, height, put
 from tests.clients import Client, by_steps, in_real_time, run
 from tests.grounds import level
 
 DT = 1.0 / 240.0
+BALL = Sphere(0.1)
 KEY = 20000 + os.getpid() % 40000  # of the shared memory, which all processes of this machine see
 
 
@@ -49,31 +51,26 @@ def test_no_step_sees_half_a_map(threaded: Any) -> None:
     threaded.setTimeStep(1e-3)
     side = 2001
     terrain = level(side, 0.01, motion=MotionConfig(mode="hold"))
-    ground = Ground(threaded, terrain)
-    ball = threaded.createCollisionShape(pb.GEOM_SPHERE, radius=0.1)
-    bodies = [threaded.createMultiBody(1.0, ball, -1, (0.0, y, 0.1)) for y in (-9.5, 9.5)]
-    for body in bodies:
-        ground.attach(body)
-    maps = [np.full((side, side), height, np.float32) for height in (-3e-3, 0.0)]
+    bodies = [put(threaded, BALL, (0.0, y, 0.1)) for y in (-9.5, 9.5)]
+    ground = ground_of(threaded, terrain, *bodies)
+    maps = [np.full((side, side), z, np.float32) for z in (-3e-3, 0.0)]
     for number in range(25):
         threaded.setRealTimeSimulation(1)
         terrain.replace(maps[number % 2], time=ground.clock)
         terrain.replace(maps[1 - number % 2], time=ground.clock)
         threaded.setRealTimeSimulation(0)
-        low, high = (threaded.getBasePositionAndOrientation(body)[0][2] for body in bodies)
+        low, high = (height(threaded, body) for body in bodies)
         assert low == pytest.approx(high, rel=0.0, abs=1e-9)
     assert ground.clock > 5e-3
 
 
 def test_bodies_come_and_go_while_a_server_steps(threaded: Any) -> None:
     """A ball at the origin, where PyBullet puts new bodies, keeps lying there."""
-    ground = Ground(threaded, level())
-    ball = threaded.createCollisionShape(pb.GEOM_SPHERE, radius=0.1)
-    lies = threaded.createMultiBody(1.0, ball, -1, (0.0, 0.0, 0.1))
-    ground.attach(lies)
+    lies = put(threaded, BALL, (0.0, 0.0, 0.1))
+    ground = ground_of(threaded, level(), lies)
     threaded.setRealTimeSimulation(1)
     for k in range(25):
-        other = threaded.createMultiBody(1.0, ball, -1, (1.0 + 0.01 * k, 1.0, 0.2))
+        other = put(threaded, BALL, (1.0 + 0.01 * k, 1.0, 0.2))
         ground.attach(other)
         ground.detach(other)
         threaded.removeBody(other)
@@ -169,9 +166,8 @@ def test_a_step_without_memory_has_no_contacts_and_says_so_later() -> None:
 
 
 def test_a_core_that_was_unloaded_leaves_the_world_usable(client: Any) -> None:
-    body = client.createMultiBody(1.0, client.createCollisionShape(pb.GEOM_SPHERE, radius=0.2), -1, (0.0, 0.0, 0.2))
-    ground = Ground(client, level())
-    ground.attach(body)
+    body = put(client, BALL, (0.0, 0.0, 0.1))
+    ground = ground_of(client, level(), body)
     ground.step(0.0, DT)
     assert client.getContactPoints(body)
     client.unloadPlugin(client.loadPlugin(CORE.__file__, layout_probe.POSTFIX))

@@ -1,11 +1,11 @@
 """Shapes on crests, rims and in impacts: what is solid stays outside the ground, and nothing gains energy."""
 
 import itertools
+from typing import Any
 
 import numpy as np
 import pybullet as pb
 import pytest
-from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, PhysicsConfig, Sphere
 from smartmesh_ros.core import _core
@@ -14,7 +14,7 @@ from smartmesh_ros.ground.config import set_up
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
 from tests.bodies import rotation
-from tests.grounds import level, world_of
+from tests.grounds import end_of, level, world_of
 
 RATE = 240.0
 TOP, MIDDLE = 0.6, 12  # height of the crest [m], and its column
@@ -57,7 +57,7 @@ def leaning(points: FloatArray, rng: np.random.Generator, form: str) -> tuple[Fl
     planes = planes_of(points)
 
     def is_in_ground() -> bool:
-        corners = points @ rotation(tuple(turn)).T + at
+        corners = points @ rotation(turn).T + at
         ground = np.interp(corners[:, 0], 0.05 * COLUMNS[: len(heights)], heights, right=0.0)
         return bool(np.any(corners[:, 2] < ground)) or depth_of(crest, planes, at, turn) > -1e-3
 
@@ -68,17 +68,16 @@ def leaning(points: FloatArray, rng: np.random.Generator, form: str) -> tuple[Fl
 
 def depth_of(line: FloatArray, planes: FloatArray, at: FloatArray, turn: FloatArray) -> float:
     """Returns how deep a point of a line (N, 3) is in a hull [m]."""
-    inside = (line - at) @ rotation(tuple(turn)) @ planes[:, :3].T - planes[:, 3]
+    inside = (line - at) @ rotation(turn) @ planes[:, :3].T - planes[:, 3]
     return float(-inside.max(axis=1).min())
 
 
 @pytest.mark.parametrize("speed", [0.0, 6.0])
 @pytest.mark.parametrize("is_box", [True, False])
 @pytest.mark.parametrize("form", CRESTS)
-def test_crests_stay_outside_shapes_that_lean_over_them(form: str, is_box: bool, speed: float) -> None:
+def test_crests_stay_outside_shapes_that_lean_over_them(client: Any, form: str, is_box: bool, speed: float) -> None:
     """At most 1 mm, of 12 boxes or sharp hulls each, also where they slide at a ``speed`` [m/s] and turn."""
     rng = np.random.default_rng(len(form) + is_box)
-    client = BulletClient(pb.DIRECT)
     set_up(client, PhysicsConfig(rate=RATE))
     ground = Ground(client, crest(form, 360))
     bodies = []
@@ -96,7 +95,7 @@ def test_crests_stay_outside_shapes_that_lean_over_them(form: str, is_box: bool,
         body = client.createMultiBody(1.0, shape, -1, at + (0.0, y, 0.0), turn)
         client.changeDynamics(body, -1, lateralFriction=rng.choice([0.0, 0.5]), collisionMargin=1e-4)
         if speed > 0.0:
-            way = rotation(tuple(turn)) @ (speed, 0.0, 0.0)
+            way = rotation(turn) @ (speed, 0.0, 0.0)
             client.resetBaseVelocity(body, way.tolist(), rng.normal(0.0, speed, 3).tolist())
         ground.attach(body, shape=Box(*(2.0 * half)) if is_box else BodyShape.hull(points))
         line = np.column_stack([np.zeros(81), np.linspace(y - 0.5, y + 0.5, 81), np.full(81, TOP)])
@@ -107,7 +106,6 @@ def test_crests_stay_outside_shapes_that_lean_over_them(form: str, is_box: bool,
         for body, line, planes in bodies:
             at, turn = (np.array(part) for part in client.getBasePositionAndOrientation(body))
             deepest = max(deepest, depth_of(line, planes, at, turn))
-    client.disconnect()
     assert deepest < 1e-3
 
 
@@ -119,10 +117,8 @@ def test_boxes_slide_straight_down_a_blade_as_their_upper_edges_leave_it(length:
     turn = pb.getQuaternionFromEuler((0.0, slope, 0.0))
     for above in np.linspace(0.01, 0.05, 9):  # of the upper edge over the crest [m]
         start = np.array([0.0, 1.0, TOP]) + down * (0.5 * length - above) + out * (half - 1e-5)
-        with world_of(crest("blade", 40), sleep=False, friction=0.0) as world:
-            world.spawn("box", Box(length, 0.2, 2.0 * half), 1.0, BodyState(tuple(start.tolist()), turn))
-            world.step(40)
-            state = world.state("box")
+        box, state = Box(length, 0.2, 2.0 * half), BodyState(tuple(start.tolist()), turn)
+        state = end_of(crest("blade", 40), box, state, 40, sleep=False, friction=0.0)
         g_along, time = 9.81 * np.sin(slope), 40 / RATE
         assert np.allclose(state.linear, down * g_along * time, atol=0.02)
         assert np.allclose(state.position, start + down * 0.5 * g_along * time * (time + 1.0 / RATE), atol=1e-3)
@@ -131,10 +127,8 @@ def test_boxes_slide_straight_down_a_blade_as_their_upper_edges_leave_it(length:
 @pytest.mark.parametrize("cell", [1e-3, 1e-2])
 @pytest.mark.parametrize("size", [3e-4, 1e-3, 5e-3])
 def test_boxes_of_any_size_come_to_rest_on_a_face(size: float, cell: float) -> None:
-    with world_of(level(41, cell), sleep=False) as world:
-        world.spawn("box", Box(size, size, size), 1e-3, BodyState((0.3 * cell, 0.3 * cell, 2.0 * size)))
-        world.step(360)
-        state = world.state("box")
+    start = BodyState((0.3 * cell, 0.3 * cell, 2.0 * size))
+    state = end_of(level(41, cell), Box(size, size, size), start, 360, 1e-3, sleep=False)
     up = np.abs(rotation(state.orientation)[2])
     assert up.max() > 1.0 - 1e-6
     assert state.position[2] - 0.5 * size * up.sum() == pytest.approx(-1e-5, abs=5e-6)
@@ -186,10 +180,8 @@ def test_impacts_of_shapes_that_turn_are_not_deep(name: str) -> None:
 @pytest.mark.parametrize("depth", [2e-3, 7e-3, 13e-3])
 @pytest.mark.parametrize("shape", [Sphere(0.2), Box(0.4, 0.4, 0.4)], ids=["ball", "box"])
 def test_what_bounces_out_of_the_ground_is_no_faster_than_it_came(shape: Shape, depth: float) -> None:
-    with world_of(level(), sleep=False, restitution=0.8) as world:
-        world.spawn("body", shape, 1.0, BodyState((0.01, 0.02, 0.2 - depth), linear=(0.0, 0.0, -1.0)))
-        world.step()
-        assert 0.7 < world.state("body").linear[2] < 1.0
+    start = BodyState((0.01, 0.02, 0.2 - depth), linear=(0.0, 0.0, -1.0))
+    assert 0.7 < end_of(level(), shape, start, 1, sleep=False, restitution=0.8).linear[2] < 1.0
 
 
 @pytest.mark.parametrize("rise", [0.2, 0.4])

@@ -3,6 +3,7 @@ sleep, in a PyBullet world of the user's own."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,13 @@ import pybullet as pb
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import Box, Ground
+from smartmesh_ros import Box, Ground, HeightMap
 from smartmesh_ros.ground.config import SleepConfig
-from tests.bodies import put
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+from tests.bodies import ground_of, height, put
+from tests.core import mesh_parts
 from tests.grounds import level
+from tests.urdfs import box, joint, link, robot
 
 DT = 1.0 / 240.0
 SIDE = 0.2  # half the edge of a box [m]
@@ -27,12 +31,12 @@ class Yard:
 
     maximal: bool
     sleeps: bool
+    terrain: HeightMap | TriangleMesh = field(default_factory=lambda: level(201))
     client: Any = field(default_factory=lambda: BulletClient(pb.DIRECT))
-    ids: dict[str, int] = field(default_factory=dict)
+    other: int = -1  # what a case puts beside the box
 
     def __post_init__(self) -> None:
         self.client.setGravity(0.0, 0.0, -9.81)
-        self.terrain = level(201)
         self.ground = Ground(self.client, self.terrain)
         self.box = self.add((0.0, 0.0, SIDE))
         for k in range(OTHERS):
@@ -67,46 +71,37 @@ Act = Callable[[Yard, int], object]
 
 def table(yard: Yard) -> None:
     """The box stands on a table of the user's own."""
-    yard.ids["table"] = put(yard.client, Box(2.0, 2.0, 0.5), (0.0, 0.0, 0.25), 0.0)
+    yard.other = put(yard.client, Box(2.0, 2.0, 0.5), (0.0, 0.0, 0.25), 0.0)
     yard.move(yard.box, (0.0, 0.0, 0.5 + SIDE))
-
-
-def tied(yard: Yard) -> None:
-    """A rod ties the box to another one."""
-    yard.ids["other"] = yard.add((1.0, 0.0, SIDE))
-    pivots = (0.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
-    yard.client.createConstraint(yard.box, -1, yard.ids["other"], -1, pb.JOINT_POINT2POINT, (0, 0, 0), *pivots)
 
 
 def stacked(yard: Yard) -> None:
     """The box stands on another one."""
-    yard.ids["other"] = yard.add((0.0, 0.0, SIDE))
+    yard.other = yard.add((0.0, 0.0, SIDE))
     yard.move(yard.box, (0.0, 0.0, 3.0 * SIDE))
 
 
-def pusher(yard: Yard) -> None:
-    """A body of the user's own that he moves himself."""
-    yard.ids["pusher"] = yard.add((-0.6, 0.0, SIDE), 0.0, attached=False)
+def tied(yard: Yard) -> None:
+    """A rod ties the box to another one."""
+    yard.other = yard.add((1.0, 0.0, SIDE))
+    pivots = (0.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
+    yard.client.createConstraint(yard.box, -1, yard.other, -1, pb.JOINT_POINT2POINT, (0, 0, 0), *pivots)
 
 
 def alone(yard: Yard) -> None:
-    """Nothing more."""
+    """A body of the user's own stands beside the box."""
+    yard.other = yard.add((-0.6, 0.0, SIDE), 0.0, attached=False)
 
 
-def moved(name: str, place: tuple[float, float, float], velocity: tuple[float, float, float]) -> Act:
-    """What its user moves in each step from a place on [m], at a velocity [m/s]."""
+def moved(place: tuple[float, float, float], velocity: tuple[float, float, float], *, goes: bool = True) -> Act:
+    """The user moves the other body himself in each step, from a place on [m], at a velocity [m/s]; a belt that has a
+    velocity, and is held where it is, does not go."""
 
     def act(yard: Yard, step: int) -> None:
-        yard.move(yard.ids[name], tuple(np.add(place, np.multiply(velocity, step * DT))))
-        yard.client.resetBaseVelocity(yard.ids[name], velocity)
+        yard.move(yard.other, tuple(np.add(place, np.multiply(velocity, goes * step * DT))))
+        yard.client.resetBaseVelocity(yard.other, velocity)
 
     return act
-
-
-def belt(yard: Yard, _: int) -> None:
-    """The table is held where it is, and has a velocity."""
-    yard.move(yard.ids["table"], (0.0, 0.0, 0.25))
-    yard.client.resetBaseVelocity(yard.ids["table"], (0.3, 0.0, 0.0))
 
 
 def at_first(act: Callable[[Yard], object]) -> Act:
@@ -114,19 +109,14 @@ def at_first(act: Callable[[Yard], object]) -> Act:
     return lambda yard, step: act(yard) if step == 0 else None
 
 
-def taken(name: str) -> Act:
-    """What is removed from PyBullet."""
-    return at_first(lambda yard: yard.client.removeBody(yard.ids[name]))
-
-
 CASES: dict[str, tuple[Callable[[Yard], None], Act]] = {
-    "a tied body is driven": (tied, lambda yard, _: yard.client.resetBaseVelocity(yard.ids["other"], (0.5, 0.0, 0.0))),
-    "the box below is detached": (stacked, at_first(lambda yard: yard.ground.detach(yard.ids["other"]))),
-    "the box below is removed": (stacked, taken("other")),
-    "its table is removed": (table, taken("table")),
-    "its table is a lift": (table, moved("table", (0.0, 0.0, 0.25), (0.0, 0.0, 0.2))),
-    "its table is a conveyor": (table, belt),
-    "a pusher comes": (pusher, moved("pusher", (-0.6, 0.0, SIDE), (0.5, 0.0, 0.0))),
+    "a tied body is driven": (tied, lambda yard, _: yard.client.resetBaseVelocity(yard.other, (0.5, 0.0, 0.0))),
+    "the box below is detached": (stacked, at_first(lambda yard: yard.ground.detach(yard.other))),
+    "the box below is removed": (stacked, at_first(lambda yard: yard.client.removeBody(yard.other))),
+    "its table is removed": (table, at_first(lambda yard: yard.client.removeBody(yard.other))),
+    "its table is a lift": (table, moved((0.0, 0.0, 0.25), (0.0, 0.0, 0.2))),
+    "its table is a conveyor": (table, moved((0.0, 0.0, 0.25), (0.3, 0.0, 0.0), goes=False)),
+    "a pusher comes": (alone, moved((-0.6, 0.0, SIDE), (0.5, 0.0, 0.0))),
     "a body falls on it": (alone, at_first(lambda yard: yard.add((0.1, 0.0, 1.5), 5.0, attached=False))),
     "its velocity is set": (alone, at_first(lambda yard: yard.client.resetBaseVelocity(yard.box, (1.0, 0.0, 1.0)))),
     "it is turned": (alone, at_first(lambda yard: yard.move(yard.box, (0.0, 0.0, SIDE), (0.0, 0.0, 0.1, 0.995)))),
@@ -156,22 +146,47 @@ def test_a_sleeping_body_moves_as_if_it_were_awake(name: str, maximal: bool) -> 
     np.testing.assert_allclose(asleep[:, lawful], awake[:, lawful], rtol=0.0, atol=5e-3)
 
 
-def test_a_motor_that_is_told_something_else_through_pybullet_wakes_its_robot(client: Any) -> None:
-    shape = client.createCollisionShape(pb.GEOM_BOX, halfExtents=(0.2, 0.1, 0.1))
-    robot = client.createMultiBody(
-        1.0, shape, -1, (0.0, 0.0, 0.1), linkMasses=[0.3], linkCollisionShapeIndices=[shape],
-        linkVisualShapeIndices=[-1], linkPositions=[(0.0, 0.0, 0.25)], linkOrientations=[(0, 0, 0, 1)],
-        linkInertialFramePositions=[(0, 0, 0)], linkInertialFrameOrientations=[(0, 0, 0, 1)], linkParentIndices=[0],
-        linkJointTypes=[pb.JOINT_REVOLUTE], linkJointAxis=[(0, 0, 1)],
-    )  # fmt: skip
-    ground = Ground(client, level())
-    ground.attach(robot)
+@pytest.mark.parametrize("maximal", [True, False], ids=["rigid body", "multibody"])
+@pytest.mark.parametrize(("drop", "every"), [(0.05, 1), (0.002, 1), (1.0, 4)], ids=["fast", "little", "seldom"])
+@pytest.mark.parametrize(
+    "made", [lambda: level(201), lambda: TriangleMesh(*mesh_parts.sheet(20.0, 40))], ids=["map", "mesh"]
+)
+def test_a_body_that_pybullet_put_to_sleep_falls_with_its_ground(
+    made: Any, drop: float, every: int, maximal: bool
+) -> None:
+    """Whichever step the map comes in; it may fall asleep between two updates."""
+    yard = Yard(maximal, sleeps=False, terrain=made())
+    yard.client.changeDynamics(yard.box, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
+
+    def run(steps: int) -> float:
+        for step in range(steps):
+            if step % every == 0:
+                yard.ground.update(yard.ground.clock, DT)
+            yard.client.stepSimulation()
+        return height(yard.client, yard.box)
+
+    before = run(60)
+    while any(map(any, yard.client.getBaseVelocity(yard.box))):
+        before = run(60)
+        assert yard.ground.clock < 25.0, "it does not fall asleep"
+    if isinstance(yard.terrain, HeightMap):
+        yard.terrain.replace(yard.terrain.heights - drop, time=1000.0)
+    else:
+        yard.terrain.move(yard.terrain.vertices - (0.0, 0.0, drop), time=1000.0)
+    assert run(240) == pytest.approx(before - drop, abs=5e-4)
+    yard.client.disconnect()
+
+
+def test_a_motor_that_is_told_something_else_through_pybullet_wakes_its_robot(client: Any, tmp_path: Path) -> None:
+    edges = (0.4, 0.2, 0.2)
+    parts = (link("base", box(edges), 1.0, edges), link("arm", box(edges), 0.3, edges))
+    (tmp_path / "arm.urdf").write_text(robot(*parts, joint("turn", "continuous", "base", "arm", axis="0 0 1")))
+    arm = client.loadURDF(str(tmp_path / "arm.urdf"), (0.0, 0.0, 0.1))
+    ground = ground_of(client, level(), arm)
     ground.let_sleep(SleepConfig(after=0.1))
-    hold = {"controlMode": pb.POSITION_CONTROL, "force": 5.0}
-    for step in range(480):
-        target = 0.5 if step >= 240 else 0.0
-        client.setJointMotorControl2(robot, 0, targetPosition=target, **hold)
-        ground.step(step * DT, DT)
-        assert step != 239 or ground.is_asleep(robot)
-    assert client.getJointState(robot, 0)[0] == pytest.approx(0.5, abs=0.02)
-    assert ground.is_asleep(robot)
+    for target in (0.0, 0.5):
+        for _ in range(240):
+            client.setJointMotorControl2(arm, 0, pb.POSITION_CONTROL, targetPosition=target, force=5.0)
+            ground.step(ground.clock, DT)
+        assert client.getJointState(arm, 0)[0] == pytest.approx(target, abs=0.02)
+        assert ground.is_asleep(arm)

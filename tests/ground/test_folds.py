@@ -1,67 +1,28 @@
 """Shallow folds of the ground, in one piece and between two, which bodies pass without entering them and rest on."""
 
-import math
-from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, Capsule, Cylinder, Deck, HeightMap, Sphere, Terrain
-from smartmesh_ros.ground.shapes import Shape
-from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.terrain import MainMesh
-from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from tests.grounds import terrain_of, world_of
+from smartmesh_ros import BodyState, Box, Capsule, Cylinder, Sphere, Terrain
+from tests.bodies import LYING, about_z
+from tests.ground.pieces import Piece, a_deck, a_map, a_mesh, pieces
+from tests.grounds import world_of
 
-ALONG_Y = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
-UPRIGHT = (0.0, 0.0, 0.0, 1.0)
-ROUND: dict[str, tuple[Shape, float, tuple[float, ...]]] = {
-    "ball": (Sphere(0.1), 0.1, UPRIGHT),
-    "marble": (Sphere(0.01), 0.01, UPRIGHT),
-    "capsule": (Capsule(radius=0.1, height=0.2), 0.1, ALONG_Y),
-    "wheel": (Cylinder(radius=0.1, height=0.2), 0.1, ALONG_Y),
-}
-Form = Callable[[FloatArray, FloatArray], FloatArray]
-Piece = Callable[[Form, float, float, float], MainMesh | Deck]  # of a form, from one x to another, in cells of a size
-
-
-def samples(form: Form, low: float, high: float, cell: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    x, y = np.meshgrid(np.arange(round(low / cell), round(high / cell) + 1), np.arange(-10, 11))
-    return cell * x, cell * y, form(cell * x, cell * y)
-
-
-def a_map(form: Form, low: float, high: float, cell: float) -> HeightMap:
-    return HeightMap(samples(form, low, high, cell)[2], resolution=cell, origin=(low, -10.0 * cell))
-
-
-def a_mesh(form: Form, low: float, high: float, cell: float) -> TriangleMesh:
-    points = np.stack(samples(form, low, high, cell), axis=-1)
-    return TriangleMesh(points.reshape(-1, 3), grid_triangles(*points.shape[:2]))
-
-
-def a_deck(form: Form, low: float, high: float, cell: float) -> Deck:
-    deck = Deck(a_map(form, low, high, cell), thickness=0.5)
-    deck.place((0.0, 0.0, 0.0), UPRIGHT, time=0.0)
-    return deck
-
-
+ROUND: dict[str, Any] = {  # with their axes along y
+    "ball": Sphere(0.1), "marble": Sphere(0.01), "capsule": Capsule(radius=0.1, height=0.2),
+    "wheel": Cylinder(radius=0.1, height=0.2),
+}  # fmt: skip
 PAIRS: list[tuple[Piece, ...]] = [(a_map, a_deck), (a_mesh, a_mesh), (a_mesh, a_map)]
-
-
-def pieces(form: Form, *parts: Piece, cell: float = 0.1) -> Terrain:
-    """Ground of one piece, or of two that meet at x = 0."""
-    if len(parts) == 1:
-        return terrain_of(all=parts[0](form, -2.0, 2.0, cell))
-    return terrain_of(here=parts[0](form, -2.0, 0.0, cell), there=parts[1](form, 0.0, 2.0, cell))
 
 
 def deepest(terrain: Terrain, body: str, start: float, speed: float) -> float:
     """Depth of the deepest contact of a body that rolls from x = ``start`` over a fold at x = 0 [m]."""
-    shape, radius, orientation = ROUND[body]
-    found = 0.0
+    shape, found = ROUND[body], 0.0
     with world_of(terrain, sleep=False) as world:
-        spin = (0.0, speed / radius, 0.0)
-        world.spawn("body", shape, 1.0, BodyState((start, 0.033, radius), orientation, (speed, 0.0, 0.0), spin))
+        spin = (0.0, speed / shape.radius, 0.0)
+        world.spawn("body", shape, 1.0, BodyState((start, 0.033, shape.radius), LYING, (speed, 0.0, 0.0), spin))
         for _ in range(round(240 * 2.0 * abs(start) / speed)):
             world.step()
             found = max([found, *(contact.depth for contact in world.contacts())])
@@ -79,9 +40,9 @@ def test_what_rolls_into_a_fold_does_not_enter_it(body: str, parts: tuple[Piece,
     """Gravity bends the way of a body below the facet that it rolls on, and the spin of a wheel moves no point of it
     off the ground. Entering the next facet for a step would be 0.4 mm deep at 3 m/s and 0.04 rad. What touches at
     several places prefers those of the step before by a thousandth of its radius."""
-    preference = 1e-3 * ROUND[body][0].bounding_radius if body in ("capsule", "wheel") else 0.0
+    preference = 1e-3 * ROUND[body].bounding_radius if body in ("capsule", "wheel") else 0.0
     for slope, speed in [(0.04, 1.0), (0.04, 3.0), (0.1, 3.0)]:
-        terrain = pieces(lambda x, y, slope=slope: slope * np.maximum(x, 0.0), *parts)  # type: ignore[misc]
+        terrain = pieces(lambda x, y, slope=slope: slope * np.maximum(x, 0.0), *parts)
         for phase in range(5):
             start = -0.25 + phase / 5 * speed / 240
             assert deepest(terrain, body, start, speed) < 3e-5 + preference, (slope, speed, phase)
@@ -112,7 +73,7 @@ def mean_speed_at_rest(seed: int, *parts: Piece) -> float:
     terrain = pieces(lambda x, y: slope * x + along * y - fold * np.maximum(x, 0.0), *parts)
     speeds = []
     with world_of(terrain, sleep=False, friction=0.6) as world:
-        world.spawn("box", Box(*size), 5.0, BodyState(at, (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))))
+        world.spawn("box", Box(*size), 5.0, BodyState(at, about_z(yaw)))
         world.step(480)
         for _ in range(120):
             world.step()

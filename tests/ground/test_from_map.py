@@ -11,12 +11,11 @@ import pytest
 
 from smartmesh_ros import BodyState, Ground, HeightMap
 from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
-from tests.bodies import run
-from tests.grounds import level, moving, world_of
+from tests.bodies import LYING, ground_of, run
+from tests.grounds import end_of, level, moving, world_of
 from tests.urdfs import joint, link, robot
 
 DT = 1.0 / 240.0
-LYING = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))  # with its axis along y
 
 
 @pytest.mark.parametrize("speed", [0.01, 0.05, 2.0])
@@ -25,14 +24,11 @@ def test_rollers_keep_their_speed_and_roll_straight(shape: Shape, speed: float) 
     """For 10 s, up to 20 m."""
     radius = 0.2 if isinstance(shape, Sphere) else 0.1
     ground = HeightMap(np.zeros((21, 501)), resolution=0.05, origin=(-2.0, -0.5))
-    with world_of(ground, sleep=False) as world:
-        state = BodyState((-1.0, 0.011, radius), LYING, (speed, 0.0, 0.0), (0.0, speed / radius, 0.0))
-        world.spawn("body", shape, 1.0, state)
-        world.step(2400)
-        end = world.state("body")
-        assert end.linear[0] == pytest.approx(speed, rel=0.01)
-        assert abs(end.position[1] - 0.011) < 5e-3
-        assert end.position[0] > -1.0 + 9.75 * speed
+    start = BodyState((-1.0, 0.011, radius), LYING, (speed, 0.0, 0.0), (0.0, speed / radius, 0.0))
+    end = end_of(ground, shape, start, 2400, sleep=False)
+    assert end.linear[0] == pytest.approx(speed, rel=0.01)
+    assert abs(end.position[1] - 0.011) < 5e-3
+    assert end.position[0] > -1.0 + 9.75 * speed
 
 
 @pytest.mark.parametrize("rate", [240.0, 960.0, 2000.0])
@@ -54,10 +50,8 @@ WHEELED = f"{pybullet_data.getDataPath()}/racecar/racecar.urdf"
 def test_contacts_of_a_robot_at_rest_are_those_that_a_step_may_close(client: Any) -> None:
     """Others would cost the solver time in each step, and do nothing."""
     heights = np.random.default_rng(5).normal(scale=0.01, size=(101, 101))
-    ground = Ground(client, HeightMap(heights, resolution=0.04, origin=(-2.0, -2.0)))
     robot = client.loadURDF(WHEELED, (0.0, 0.0, 0.1))
-    ground.attach(robot)
-    run(ground, 480)
+    run(ground_of(client, HeightMap(heights, resolution=0.04, origin=(-2.0, -2.0)), robot), 480)
     distances = [contact[8] for contact in client.getContactPoints(robot)]
     assert len(distances) >= 3
     assert max(distances) < 2e-3
@@ -86,10 +80,8 @@ def stroke(client: Any, urdf: Path, height: float, speed: float, *, from_map: bo
     client.resetBaseVelocity(robot, (0.0, 0.0, -speed))
     legs, longest = range(len(FEET) ** 2), 0.0
     client.setJointMotorControlArray(robot, legs, pb.VELOCITY_CONTROL, forces=[0.0] * len(legs))
-    if from_map:
-        ground = Ground(client, level(201, 0.05))
-        ground.attach(robot)
-    else:
+    ground = ground_of(client, level(201, 0.05), *[robot] * from_map)
+    if not from_map:
         client.createMultiBody(0.0, client.createCollisionShape(pb.GEOM_PLANE))
     for _ in range(120):
         for leg in legs:
@@ -98,8 +90,7 @@ def stroke(client: Any, urdf: Path, height: float, speed: float, *, from_map: bo
             force = -8000.0 * place - 700.0 * rate
             client.setJointMotorControl2(robot, leg, pb.TORQUE_CONTROL, force=force)
         client.stepSimulation()
-    if from_map:
-        ground.close()
+    ground.close()
     return longest
 
 
@@ -147,9 +138,6 @@ def test_a_wheel_of_many_corners_rolls_on(client: Any) -> None:
 
 @pytest.mark.parametrize("spin", [20.0, 60.0])
 def test_a_plate_that_spins_beside_the_ground_without_touching_it_is_left_alone(spin: float) -> None:
-    with world_of(level(), gravity=(0.0, 0.0, 0.0), sleep=False) as world:
-        start = BodyState((0.0, 0.0, 0.3 * math.sqrt(2.0) + 1e-3), angular=(0.0, spin, 0.0))
-        world.spawn("plate", Box(0.6, 0.05, 0.6), 1.0, start)
-        world.step(240)
-        assert world.state("plate").linear == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
-        assert world.state("plate").angular == pytest.approx((0.0, spin, 0.0), abs=1e-9)
+    start = BodyState((0.0, 0.0, 0.3 * math.sqrt(2.0) + 1e-3), angular=(0.0, spin, 0.0))
+    end = end_of(level(), Box(0.6, 0.05, 0.6), start, 240, gravity=(0.0, 0.0, 0.0), sleep=False)
+    assert (*end.linear, *end.angular) == pytest.approx((0.0, 0.0, 0.0, 0.0, spin, 0.0), abs=1e-9)

@@ -8,7 +8,7 @@ import pytest
 
 from smartmesh_ros import Ground, InputError, Sphere
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-from tests.bodies import height, put, run
+from tests.bodies import ground_of, height, put, run
 from tests.core import mesh_parts
 from tests.grounds import level
 from tests.urdfs import joint, link, robot
@@ -68,8 +68,8 @@ def test_what_cannot_be_attached_is_refused_whole(client: Any, car: int) -> None
 
 
 def test_a_ground_that_is_gone_leaves_the_world_usable(client: Any) -> None:
-    body, ground = put(client, BALL, START), Ground(client, level())
-    ground.attach(body)
+    body = put(client, BALL, START)
+    ground = ground_of(client, level(), body)
     ground.step(0.0, DT)
     del ground
     for _ in range(240):
@@ -80,7 +80,8 @@ def test_a_ground_that_is_gone_leaves_the_world_usable(client: Any) -> None:
 
 
 def require_standing(client: Any, ground: Ground) -> None:
-    """Assert that a ball falls to the ground and stands on it."""
+    """Assert that a ball falls to the ground, which is new, and stands on it."""
+    assert ground.clock == 0.0
     body = put(client, BALL, START)
     ground.attach(body)
     run(ground, 480)
@@ -88,30 +89,27 @@ def require_standing(client: Any, ground: Ground) -> None:
 
 
 def test_a_client_has_one_ground_at_a_time(client: Any) -> None:
-    first = Ground(client, level())
-    first.attach(put(client, BALL, (1.0, 0.0, 0.5)))
+    first = ground_of(client, level(), put(client, BALL, (1.0, 0.0, 0.5)))
     client.stepSimulation()
     with pytest.raises(InputError, match="has a ground already"):
         Ground(client, level())
     first.close()
-    second = Ground(client, level())
-    assert second.clock == 0.0
-    require_standing(client, second)
+    require_standing(client, Ground(client, level()))
 
 
 def test_a_client_that_was_reset_is_named_and_takes_a_new_ground(client: Any) -> None:
-    ground = Ground(client, level())
-    ground.attach(put(client, BALL, START))
+    ground = ground_of(client, level(), put(client, BALL, START))
+    ground.show()
     client.stepSimulation()
     client.resetSimulation()
-    with pytest.raises(InputError, match="the PyBullet client was reset"):
-        ground.step(DT, DT)
+    for call in (lambda: ground.step(DT, DT), ground.show):
+        with pytest.raises(InputError, match=r"the PyBullet client was reset.*make another"):
+            call()
     client.stepSimulation()
     ground.close()
+    assert not ground.shown
     client.setGravity(0.0, 0.0, -9.81)
-    second = Ground(client, level())
-    assert second.clock == 0.0
-    require_standing(client, second)
+    require_standing(client, Ground(client, level()))
 
 
 @pytest.mark.parametrize("maximal", [False, True])
@@ -119,9 +117,7 @@ def test_a_client_that_was_reset_is_named_and_takes_a_new_ground(client: Any) ->
 def test_a_collision_query_between_steps_finds_the_ground(client: Any, terrain: Any, maximal: bool) -> None:
     """Of bodies where their user put them since the last step, or before the first."""
     bodies = [put(client, BALL, (x, 0.3, 0.5), useMaximalCoordinates=maximal) for x in (0.0, 1.0)]
-    ground = Ground(client, terrain)
-    for body in bodies:
-        ground.attach(body)
+    ground = ground_of(client, terrain, *bodies)
     for depth in (0.05, 0.01):
         client.resetBasePositionAndOrientation(bodies[0], (0.7, -0.5, BALL.radius - depth), (0, 0, 0, 1))
         client.performCollisionDetection()
@@ -132,8 +128,8 @@ def test_a_collision_query_between_steps_finds_the_ground(client: Any, terrain: 
 
 def test_a_body_that_is_removed_without_a_word_is_taken_off_the_ground(client: Any) -> None:
     """The next body gets its number from PyBullet: it stands on the ground if it is attached."""
-    ground, body = Ground(client, level()), put(client, BALL, START)
-    ground.attach(body)
+    body = put(client, BALL, START)
+    ground = ground_of(client, level(), body)
     ground.step(0.0, DT)
     for attached in (False, True):
         client.removeBody(body)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,14 +11,13 @@ from smartmesh_ros import BodyState, Box, Cylinder, GridGeometry, HeightMap, Sph
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-from tests.bodies import rotation, surface_of
+from tests.bodies import LYING, UPRIGHT, about_y, rotation, surface_of
 from tests.core import mesh_parts
-from tests.grounds import terrain_of, world_of
+from tests.grounds import add, terrain_of, world_of
 from tests.urdfs import link, robot
 
 RATE, SIDE, CELL, HALF = 240.0, 65, 0.25, 8.0
-LYING = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))  # with its axis along y
-BALL, BOX, WHEEL, FOOT = Sphere(0.2), Box(0.5, 0.4, 0.3), Cylinder(height=0.2, radius=0.25), Sphere(0.1)
+BALL, BOX, WHEEL, FOOT = Sphere(0.2), Box(0.5, 0.4, 0.3), Cylinder(height=0.2, radius=0.25), Sphere(0.1)  # of a robot
 AXIS = np.linspace(-HALF, HALF, SIDE)
 X, Y = np.meshgrid(AXIS, AXIS)
 
@@ -75,11 +75,13 @@ def rocking_mesh() -> tuple[Terrain, Change]:
     mesh = TriangleMesh(vertices, triangles)
 
     def change(time: float) -> None:
-        half = 0.15 * math.sin(4.0 * time)
-        turned = vertices @ rotation(np.array([0.0, math.sin(half), 0.0, math.cos(half)])).T
-        mesh.move(turned, time=time)
+        mesh.move(vertices @ rotation(about_y(0.3 * math.sin(4.0 * time))).T, time=time)
 
     return terrain_of(all=mesh), change
+
+
+def as_robot(radius: float) -> str:
+    return robot(link("ball", f'<sphere radius="{radius}"/>'))
 
 
 def depth_of(world: World, name: str, shape: Shape) -> float:
@@ -105,12 +107,9 @@ def test_bodies_on_moving_ground_do_not_sink_in(ground: Callable[[], tuple[Terra
         bodies: dict[str, Shape] = {}
         for k, (x, y) in enumerate(rng.uniform(-4.0, 4.0, (16, 2)) * (0.3, 1.0)):
             shape = list(MOST)[k % 4]
-            start = BodyState((x, y, 1.0), LYING if shape is WHEEL else (0.0, 0.0, 0.0, 1.0))
+            start = BodyState((x, y, 1.0), LYING if shape is WHEEL else UPRIGHT)
             bodies[f"{k}"] = shape
-            if shape is FOOT:
-                world.spawn_robot(f"{k}", robot(link("foot", '<sphere radius="0.1"/>')), start)
-            else:
-                world.spawn(f"{k}", shape, 1.0, start)
+            add(world, f"{k}", as_robot(shape.radius) if shape is FOOT else shape, start)
         for step in range(round(2.0 * RATE)):
             if step:
                 change(world.time)
@@ -122,9 +121,9 @@ def test_bodies_on_moving_ground_do_not_sink_in(ground: Callable[[], tuple[Terra
         assert np.percentile(depths[shape], share) < most, shape
 
 
-@pytest.mark.parametrize("is_robot", [False, True])
+@pytest.mark.parametrize("made", [Sphere, as_robot], ids=["body", "robot"])
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
-def test_a_ball_leaves_a_flank_that_rises_by_its_restitution(is_robot: bool, restitution: float) -> None:
+def test_a_ball_leaves_a_flank_that_rises_by_its_restitution(made: Any, restitution: float) -> None:
     """Relative to the ground at the contact, which moves as no ground under its middle does; told with the true gap."""
     rises = np.clip(X / CELL, 0.0, 1.0)  # [m/s]
     ground = HeightMap(rises * 0.15, resolution=CELL, origin=(-HALF, -HALF))
@@ -132,11 +131,7 @@ def test_a_ball_leaves_a_flank_that_rises_by_its_restitution(is_robot: bool, res
         for step in range(1, 31):  # the velocities are known
             ground.replace(rises * (0.15 + step / RATE), time=step / RATE)
             world.step()
-        start = BodyState((-0.03, 0.01, 0.65), linear=(0.0, 0.0, -1.0))
-        if is_robot:
-            world.spawn_robot("ball", robot(link("ball", '<sphere radius="0.3"/>')), start)
-        else:
-            world.spawn("ball", Sphere(0.3), 1.0, start)
+        add(world, "ball", made(0.3), BodyState((-0.03, 0.01, 0.65), linear=(0.0, 0.0, -1.0)))
         pressed = []
         while not pressed:
             step += 1
@@ -154,15 +149,11 @@ def test_a_ball_leaves_a_flank_that_rises_by_its_restitution(is_robot: bool, res
         assert leaving == pytest.approx(-restitution * closing + allowed, rel=0.03, abs=0.02)
 
 
-@pytest.mark.parametrize("is_robot", [False, True])
-def test_friction_against_spinning_is_that_with_the_ground(is_robot: bool) -> None:
+@pytest.mark.parametrize("made", [Sphere, as_robot], ids=["body", "robot"])
+def test_friction_against_spinning_is_that_with_the_ground(made: Any) -> None:
     terrain, change = turning_map()
     with world_of(terrain, sleep=False) as world:
-        start = BodyState((0.0, 0.0, 0.2))
-        if is_robot:
-            world.spawn_robot("ball", robot(link("ball", '<sphere radius="0.2"/>')), start)
-        else:
-            world.spawn("ball", BALL, 1.0, start)
+        add(world, "ball", made(0.2), BodyState((0.0, 0.0, 0.2)))
         world.client.changeDynamics(world.bodies["ball"].uid, -1, spinningFriction=0.05)
         for _ in range(120):
             change(world.time)

@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from smartmesh_ros import Ground, InputError
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-from tests.bodies import height, put, run
+from tests.bodies import ground_of, height, put, run
 from tests.core import mesh_parts
 from tests.ground.scene import Scene
 from tests.grounds import level
@@ -26,9 +25,7 @@ def test_a_body_that_a_map_covers_is_lifted_onto_it_and_no_higher(
 ) -> None:
     """By the shape that Bullet collides."""
     terrain, body = level(), put(client, shape, (0.013, 0.021, 0.01), useMaximalCoordinates=maximal)
-    ground = Ground(client, terrain)
-    ground.attach(body)
-    heights = []
+    ground, heights = ground_of(client, terrain, body), []
     for step in range(120):
         if step == 60:
             terrain.replace(terrain.heights + cover, time=step * DT + 100.0)  # long after: no velocity
@@ -40,8 +37,7 @@ def test_a_body_that_a_map_covers_is_lifted_onto_it_and_no_higher(
 
 def test_bodies_that_physics_does_not_move_stay_where_they_are(client: Any) -> None:
     fixed, patched = put(client, BALL, (0.013, 0.021, -0.01), 0.0), put(client, BALL, (0.013, 0.021, -1.0))
-    ground = Ground(client, level())
-    ground.attach(fixed)
+    ground = ground_of(client, level(), fixed)
     ground.attach(patched, solid=False)
     ground.step(0.0, DT)
     assert height(client, fixed) == -0.01
@@ -52,26 +48,14 @@ def test_bodies_that_physics_does_not_move_stay_where_they_are(client: Any) -> N
 def test_a_body_that_is_nowhere_disturbs_no_other(client: Any) -> None:
     lost, fine = put(client, BALL, (0.013, 0.021, 0.5)), put(client, BALL, (0.013, 0.021, 0.3))
     client.resetBasePositionAndOrientation(lost, (math.nan, 0.0, 0.0), (0, 0, 0, 1))
-    ground = Ground(client, level())
-    for body in (lost, fine):
-        ground.attach(body)
-    run(ground)
+    run(ground_of(client, level(), lost, fine))
     assert height(client, fine) == pytest.approx(0.02, abs=1e-3)
-
-
-def test_a_step_of_another_length_than_pybullets_is_refused(client: Any) -> None:
-    ground = Ground(client, level())
-    with pytest.raises(InputError, match=r"dt is 0\.01 s, but PyBullet steps 0\.0041\d* s; call setTimeStep\(0\.01\)"):
-        ground.step(0.0, 0.01)
-    client.setTimeStep(0.01)
-    ground.step(0.0, 0.01)
 
 
 def test_ground_of_a_mesh_above_a_body_counts_only_where_there_is_none_below_it(client: Any) -> None:
     floor, top = mesh_parts.sheet(4.0, 1), mesh_parts.box((-0.5, -0.5, 0.5), (0.5, 0.5, 0.6))
-    ground = Ground(client, TriangleMesh(*mesh_parts.joined(floor, top)))
     body = put(client, Sphere(0.1), (0.0, 0.0, 9.0))
-    ground.attach(body)
+    ground = ground_of(client, TriangleMesh(*mesh_parts.joined(floor, top)), body)
 
     def lift(x: float, z: float) -> float:
         client.resetBasePositionAndOrientation(body, (x, 0.2, z), (0.0, 0.0, 0.0, 1.0))

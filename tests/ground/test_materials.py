@@ -7,15 +7,16 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, InputError, Material, Sphere, World
+from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, InputError, Material, Sphere, World
 from smartmesh_ros.ground.shapes import Capsule, Shape
-from tests.bodies import run
-from tests.grounds import shaped, world_of
+from tests.bodies import LYING, UPRIGHT, about_z, ground_of, height, put, run
+from tests.grounds import end_of, shaped, world_of
 
 GRAVITY, MASS, STIFFNESS = 9.81, 20.0, 2e5
 RADIUS, LENGTH = 0.2, 0.3
-LYING = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
-WHOLE = (0.0, 0.0, 0.0, 1.0)
+
+
+MAT = Material(stiffness=STIFFNESS, damping=2e4)
 
 
 def flat(material: Material) -> HeightMap:
@@ -42,12 +43,12 @@ def capsule_volume(depth: float) -> float:
 PLATE = Box(0.4, 0.6, 0.1)
 # Shape, orientation, height of its middle above the ground that it touches, and its volume below a depth.
 SHAPES: list[Any] = [
-    pytest.param(PLATE, WHOLE, 0.05, lambda d: 0.24 * d, id="plate"),
-    pytest.param(PLATE, (0.0, 0.0, math.sin(0.2), math.cos(0.2)), 0.05, lambda d: 0.24 * d, id="turned"),
-    pytest.param(Cylinder(height=0.1, radius=RADIUS), WHOLE, 0.05, lambda d: math.pi * RADIUS**2 * d, id="disc"),
+    pytest.param(PLATE, UPRIGHT, 0.05, lambda d: 0.24 * d, id="plate"),
+    pytest.param(PLATE, about_z(0.4), 0.05, lambda d: 0.24 * d, id="turned"),
+    pytest.param(Cylinder(height=0.1, radius=RADIUS), UPRIGHT, 0.05, lambda d: math.pi * RADIUS**2 * d, id="disc"),
     pytest.param(Cylinder(height=LENGTH, radius=RADIUS), LYING, RADIUS, lying_volume, id="wheel"),
     pytest.param(Capsule(height=LENGTH, radius=RADIUS), LYING, RADIUS, capsule_volume, id="capsule"),
-    pytest.param(Sphere(RADIUS), WHOLE, RADIUS, ball_volume, id="ball"),
+    pytest.param(Sphere(RADIUS), UPRIGHT, RADIUS, ball_volume, id="ball"),
 ]
 
 
@@ -66,10 +67,8 @@ def test_a_body_at_rest_sinks_until_the_pressures_carry_it(
     shape: Shape, orientation: Any, above: float, volume: Any, rate: float
 ) -> None:
     """Of a plate of an area A that is m g / (k A)."""
-    with world_on(Material(stiffness=STIFFNESS, damping=2e4), rate) as world:
-        world.spawn("body", shape, MASS, BodyState((0.013, 0.027, above), orientation=orientation))
-        world.step(int(2.0 * rate))
-        state = world.state("body")
+    start = BodyState((0.013, 0.027, above), orientation)
+    state = end_of(flat(MAT), shape, start, int(2.0 * rate), MASS, rate=rate, sleep=False)
     assert above - state.position[2] == pytest.approx(depth_of(volume), rel=0.01)
     assert np.linalg.norm(state.linear) < 1e-5
 
@@ -78,35 +77,28 @@ def test_a_body_at_rest_sinks_until_the_pressures_carry_it(
 def test_a_plate_with_an_eccentric_mass_tilts_as_its_bed_of_springs_does(client: Any, kind: str) -> None:
     """By m g e / (k I - m g z), with the second moment of area I and the height z of the mass above the plate's
     underside, whose tilt moves it outwards; the pressures are above zero everywhere."""
-    half, off = (0.2, 0.3, 0.05), 0.03
-    corners = [[x, y, z] for x in (-0.2, 0.2) for y in (-0.3, 0.3) for z in (-0.05, 0.05)]
-    shape = (
-        client.createCollisionShape(pb.GEOM_BOX, halfExtents=half) if kind == "box"
-        else client.createCollisionShape(pb.GEOM_MESH, vertices=corners)
-    )  # fmt: skip
+    off = 0.03
+    shape = client.createCollisionShape(**PLATE.bullet())
+    if kind == "hull":
+        corners = [[x, y, z] for x in (-0.2, 0.2) for y in (-0.3, 0.3) for z in (-0.05, 0.05)]
+        shape = client.createCollisionShape(pb.GEOM_MESH, vertices=corners)
     body = client.createMultiBody(MASS, shape, basePosition=(0.0, 0.0, 0.05), baseInertialFramePosition=(off, 0.0, 0.0))
-    ground = Ground(client, flat(Material(stiffness=STIFFNESS, damping=2e4)))
-    ground.attach(body)
-    run(ground, 480)
+    run(ground_of(client, flat(MAT), body), 480)
     turn = client.getEulerFromQuaternion(client.getBasePositionAndOrientation(body)[1])
     margin = 1e-3 if kind == "hull" else 0.0  # by which PyBullet grows hulls
     moment = (0.6 + 2.0 * margin) * (0.4 + 2.0 * margin) ** 3 / 12.0
     weight = MASS * GRAVITY
-    assert turn[1] == pytest.approx(weight * off / (STIFFNESS * moment - weight * half[2]), rel=0.01)
+    assert turn[1] == pytest.approx(weight * off / (STIFFNESS * moment - weight * 0.05), rel=0.01)
     assert abs(turn[0]) < 1e-4
 
 
 def test_a_body_that_gives_and_ground_that_gives_are_springs_in_series(client: Any) -> None:
     """Bullet's stiffness is that of each of the four contacts."""
-    own, area = 1.5e4, 0.24
-    shape = client.createCollisionShape(pb.GEOM_BOX, halfExtents=(0.2, 0.3, 0.05))
-    body = client.createMultiBody(MASS, shape, basePosition=(0.0, 0.0, 0.05))
+    own, area, body = 1.5e4, 0.24, put(client, PLATE, (0.0, 0.0, 0.05), MASS)
     client.changeDynamics(body, -1, contactStiffness=own, contactDamping=600.0)
-    ground = Ground(client, flat(Material(stiffness=STIFFNESS)))
-    ground.attach(body)
-    run(ground, 480)
-    sunk = 0.05 - client.getBasePositionAndOrientation(body)[0][2]
-    assert sunk == pytest.approx(MASS * GRAVITY * (0.25 / own + 1.0 / (STIFFNESS * area)), rel=0.02)
+    run(ground_of(client, flat(Material(stiffness=STIFFNESS)), body), 480)
+    sunk = MASS * GRAVITY * (0.25 / own + 1.0 / (STIFFNESS * area))
+    assert 0.05 - height(client, body) == pytest.approx(sunk, rel=0.02)
 
 
 @pytest.mark.parametrize(
@@ -131,7 +123,7 @@ def test_what_falls_rebounds_by_the_product_of_both_coefficients(ground: float, 
 @pytest.mark.parametrize("rate", [60.0, 240.0, 960.0])
 @pytest.mark.parametrize(
     ("shape", "orientation", "inertia"),
-    [(Sphere(RADIUS), WHOLE, 0.4), (Cylinder(height=LENGTH, radius=RADIUS), LYING, 0.5)], ids=["ball", "wheel"],
+    [(Sphere(RADIUS), UPRIGHT, 0.4), (Cylinder(height=LENGTH, radius=RADIUS), LYING, 0.5)], ids=["ball", "wheel"],
 )  # fmt: skip
 @pytest.mark.parametrize("mass", [1.0, 300.0])
 def test_what_rolls_coasts_down_by_the_coefficient(
@@ -155,19 +147,18 @@ def test_what_rolls_coasts_down_by_the_coefficient(
 
 @pytest.mark.parametrize(("slope", "rolls"), [(0.02, False), (0.04, True)])
 def test_a_ball_on_a_slope_is_held_below_the_coefficient_alone(slope: float, rolls: bool) -> None:
-    ground = shaped(lambda x, y: -slope * x, material=Material(rolling=0.03))
-    with world_of(ground, sleep=False) as world:
-        world.spawn("ball", Sphere(0.1), 1.0, BodyState((0.0, 0.0, 0.1 * math.hypot(1.0, slope))))
-        world.step(480)
-        way = world.state("ball").position[0]
+    ground, start = (
+        shaped(lambda x, y: -slope * x, material=Material(rolling=0.03)),
+        (0.0, 0.0, math.hypot(0.1, 0.1 * slope)),
+    )
+    way = end_of(ground, Sphere(0.1), BodyState(start), 480, sleep=False).position[0]
     expected = 0.5 * (slope - 0.03) * GRAVITY / 1.4 * 2.0**2 if rolls else 0.0
     assert way == pytest.approx(expected, rel=0.03, abs=1e-3)
 
 
 def test_a_mat_beside_hard_ground() -> None:
     """Stiffness by place, NaN = rigid; what sleeps there wakes as it is laid."""
-    world = World(flat(Material()))
-    with world:
+    with World(flat(Material())) as world:
         for name, x in (("west", -1.0), ("east", 1.0)):
             world.spawn(name, PLATE, MASS, BodyState((x, 0.0, 0.05)))
         world.step(480)

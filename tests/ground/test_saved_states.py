@@ -11,7 +11,7 @@ import pybullet as pb
 import pytest
 
 from smartmesh_ros import InputError, Soil
-from tests.ground.scene import FLAT, Scene
+from tests.ground.scene import Scene
 
 # So many that bodies of the scene run into each other after what they went through before.
 STEPS = 420
@@ -62,17 +62,6 @@ def test_a_restored_world_goes_on_to_the_bit_here_and_in_a_new_process(scene: Sc
     restore(scene, data)
     assert scene.ground.drawn == 20.0, "what is shown is no part of a state"
     np.testing.assert_array_equal(scene.run(STEPS), first)
-
-
-@moving
-def test_pybullet_alone_forgets_the_ground(scene: Scene) -> None:
-    """What the call is for: after PyBullet's own the map is that of later."""
-    scene.run(150)
-    state, time = scene.client.saveState(), scene.time
-    scene.run(100)
-    scene.client.restoreState(state)
-    with pytest.raises(InputError, match="comes after one of"):
-        scene.map.replace(FLAT, time=time)
 
 
 @moving

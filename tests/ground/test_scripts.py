@@ -84,7 +84,10 @@ def times() -> Iterator[Callable[[int], Any]]:
         (lambda c: Ground(c, level()).cast_rays([[0, 0], [0]], [[0, 0, 1]], 1.0, 0.0), "same length"),
         (lambda c: level(time=5.0).replace(np.zeros((41, 41)), time=4.0), "after one of 5 s; after the time was set"),
         (lambda c: level(time=5.0).update_region(0, 0, np.zeros((2, 2)), time=4.0), "call shift_time"),
+        (lambda c: Ground(c, level()).step(0.0, 0.01), "dt is 0.01 s, but PyBullet steps 0.0041666"),
+        (lambda c: Ground(c, level()).step(0.0, 0.01), "s; call setTimeStep(0.01)"),
         *((call, "it must be a finite number of seconds") for call in times()),
+        *((lambda c, rate=rate: Ground(c, level()).show(rate), "above zero") for rate in (0.0, -1.0, np.nan, np.inf)),
     ],
 )
 def test_a_wrong_call_is_told_what_would_be_right(client: int, call: Callable[[int], Any], words: str) -> None:

@@ -7,12 +7,12 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros import Deck, Ground, HeightMap, InputError, Sphere
+from smartmesh_ros import Deck, Ground, HeightMap, Sphere
 from smartmesh_ros.terrain.colours import FRICTION, GROUND
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.motion import MotionConfig
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-from tests.bodies import height, put, run
+from tests.bodies import ground_of, height, put, run
 from tests.core import mesh_parts
 from tests.grounds import level, terrain_of
 
@@ -109,9 +109,8 @@ def test_pictures_show_holes_and_the_colours_of_friction(client: Any) -> None:
 
 def close_up(client: Any, renderer: int) -> set[int]:
     """Return what is seen from 3 cm beside the foot of a ball of 0.5 mm: 0 = the ball, -1 = nothing."""
-    ground = Ground(client, level())
     ball = put(client, Sphere(5e-4), (0.0, 0.0, 5e-4))
-    ground.attach(ball)
+    ground = ground_of(client, level(), ball)
     ground.step(0.0, DT)
     view = client.computeViewMatrix((0.02, 0.0, 0.02), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     lens = client.computeProjectionMatrixFOV(20.0, 4.0 / 3.0, 1e-3, 10.0)
@@ -125,10 +124,9 @@ def test_pictures_show_no_proxies(client: Any) -> None:
 
 def test_nothing_touches_what_is_shown(client: Any) -> None:
     """A body that is not attached falls through; one that is has the contacts of before, and rays meet both."""
-    ground = Ground(client, level())
-    ground.show()
     stands, falls = put(client, Sphere(0.2), (0.0, 0.0, 0.2)), put(client, Sphere(0.2), (1.0, 0.0, 0.3))
-    ground.attach(stands)
+    ground = ground_of(client, level(), stands)
+    ground.show()
     run(ground, 120)
     assert height(client, stands) == pytest.approx(0.2, abs=1e-4)
     assert height(client, falls) < -0.8
@@ -147,9 +145,8 @@ def height_under(client: Any, x: float = 0.0, y: float = 0.0, above: float = 900
 def test_ground_is_drawn_at_its_rate_far_from_where_it_began(client: Any) -> None:
     """PyBullet keeps the bounds that a height field has at first."""
     terrain = level(motion=MotionConfig(mode="hold"))
-    ground = Ground(client, terrain)
+    ground = ground_of(client, terrain, put(client, Sphere(0.2), (1.0, 1.0, 500.0)))
     ground.show(rate=10.0)
-    ground.attach(put(client, Sphere(0.2), (1.0, 1.0, 500.0)))
     heights = np.zeros((41, 41))
     for step in range(72):
         heights[:, :21] = -4.0 * step
@@ -163,9 +160,8 @@ def test_ground_is_drawn_at_its_rate_far_from_where_it_began(client: Any) -> Non
 
 def test_a_correction_is_drawn_to_its_end(client: Any) -> None:
     terrain = level(motion=MotionConfig(changes="correction", settle=0.15))
-    ground = Ground(client, terrain)
+    ground = ground_of(client, terrain, put(client, Sphere(0.2), (1.0, 1.0, 0.2)))
     ground.show(rate=5.0)
-    ground.attach(put(client, Sphere(0.2), (1.0, 1.0, 0.2)))
     ground.step(0.0, DT)
     for step in range(1, 120):
         if step == 36:  # so that the third drawing shows a part of it
@@ -192,16 +188,3 @@ def test_tiles_come_move_and_go(client: Any) -> None:
     assert sorted(ground.shown) == ["fine", "map"]
     ground.hide()
     assert client.getNumBodies() == bodies and not ground.shown
-
-
-def test_what_cannot_be_shown_is_refused(client: Any) -> None:
-    ground = Ground(client, level())
-    for rate in (0.0, -1.0, math.nan, math.inf):
-        with pytest.raises(InputError, match="above zero"):
-            ground.show(rate)
-    ground.show()
-    client.resetSimulation()
-    with pytest.raises(InputError, match="make another"):
-        ground.show()
-    ground.close()
-    assert not ground.shown

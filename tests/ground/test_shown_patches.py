@@ -18,6 +18,7 @@ from tests.bodies import rotation
 from tests.core import mesh_parts
 from tests.examples import examples
 from tests.ground.reaching import Reaching, balls_on
+from tests.terrain.surfaces import facet_distances, triangles_of
 
 HOLD = MotionConfig(mode="hold")
 
@@ -45,14 +46,6 @@ def corners_of(bodies: Reaching, slot: int) -> FloatArray:
     return np.array([(p.x, p.y, p.z) for p in marker.points]).reshape(-1, 3, 3)
 
 
-def distance(point: FloatArray, triangle: FloatArray) -> float:
-    """From a point (2,) to a triangle (3, 2): found among many points of it."""
-    share = np.linspace(0.0, 1.0, 41)
-    u, v = (axis.ravel()[:, None] for axis in np.meshgrid(share, share))
-    inside = triangle[0] + u * (triangle[1] - triangle[0]) + (1.0 - u) * v * (triangle[2] - triangle[0])
-    return float(np.linalg.norm(inside - point, axis=1).min())
-
-
 def ordered(triangles: FloatArray) -> FloatArray:
     rows = triangles.reshape(len(triangles), 9)
     return np.asarray(rows[np.lexsort(rows.round(6).T)])
@@ -63,18 +56,13 @@ def ordered(triangles: FloatArray) -> FloatArray:
 def test_a_marker_has_the_cells_of_the_map_in_reach_and_no_others(seed: int, radius: float, holes: float) -> None:
     terrain, rng = rough(seed, holes=holes), np.random.default_rng(seed)
     bodies, places = balls_on(terrain, [radius] * 8), places_on(terrain, rng, 8, 0.5 * radius)
-    r, c = np.mgrid[:60, :60]
-    points = np.column_stack([terrain.geometry.to_world(r.ravel(), c.ravel()), np.full(3600, np.nan)])
-    points[:, 2] = (terrain.heights + 0.3).ravel()
-    a = (r[:-1, :-1] * 60 + c[:-1, :-1]).ravel()
-    corners = np.concatenate([np.stack([a, a + 1, a + 61], 1), np.stack([a, a + 61, a + 60], 1)])
-    triangles, cells = points[corners], np.stack(np.divmod(np.tile(a, 2), 60), 1)
-    known = ~np.isnan(triangles).any(axis=(1, 2))
+    facets = triangles_of(terrain, 0.0)
+    cells = np.floor(terrain.geometry.to_grid(facets[..., :2].mean(axis=1)))
     slots = bodies.at(places).slots.tolist()
     for slot, at in enumerate(places):
         place = terrain.geometry.to_grid(at[:2])
         away = np.maximum(np.maximum(cells - place, place - cells - 1.0), 0.0) * 0.1  # from the cell of each triangle
-        expected = triangles[known & ((away**2).sum(axis=1) <= radius**2)]
+        expected = facets[(away**2).sum(axis=1) <= radius**2]
         assert (slot in slots) == (len(expected) > 0)
         if slot in slots:
             np.testing.assert_allclose(ordered(corners_of(bodies, slot)), ordered(expected), atol=1e-5)
@@ -99,12 +87,8 @@ def same(one: PatchTable, other: PatchTable) -> None:
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
 
 
-SHAPES: list[BodyShape] = [
-    BodyShape.ball(0.15),
-    BodyShape.box((0.3, 0.2, 0.1)),
-    BodyShape.ball(0.4),
-    BodyShape.ball(0.05),
-]
+SHAPES = [BodyShape.ball(0.15), BodyShape.box((0.3, 0.2, 0.1)), BodyShape.ball(0.4), BodyShape.ball(0.05)]
+IS_SOLID = np.array([True, True, False, True])
 
 
 @examples(40)
@@ -119,7 +103,7 @@ def test_kept_patches_are_those_of_fresh_ones(seed: int, actions: list[str], mot
     tile, mesh = rough(seed, 40, 0.05, motion=motion), TriangleMesh(*mesh_parts.sheet(4.0, 12))
     terrain = Terrain.of(tile)
     terrain.put("mesh", mesh)
-    bodies, places = Reaching(terrain, SHAPES, np.array([True, True, False, True])), places_on(tile, rng, 4, 0.1)
+    bodies, places = Reaching(terrain, SHAPES, IS_SOLID), places_on(tile, rng, 4, 0.1)
     for action in (*actions, "nothing"):
         if action == "map":
             tile.replace(tile.heights + rng.normal(scale=0.01, size=tile.heights.shape), time=time)
@@ -135,7 +119,7 @@ def test_kept_patches_are_those_of_fresh_ones(seed: int, actions: list[str], mot
         elif action == "tile":
             terrain.put("other", HeightMap(np.zeros((20, 20)), resolution=0.15, origin=(-1.0, 0.0), motion=motion))
         kept = bodies.at(places, time)
-        fresh = Reaching(terrain, SHAPES, np.array([True, True, False, True]))
+        fresh = Reaching(terrain, SHAPES, IS_SOLID)
         if len(terrain.tiles) < 3:  # where tiles overlap, a body stays with its own
             same(kept, fresh.at(places, time))
             for slot in kept.slots.tolist():
@@ -182,10 +166,10 @@ def test_on_a_mesh_triangles_in_reach_are_shown() -> None:
     bodies, middle = balls_on(TriangleMesh(vertices, triangles), [0.35]), np.array([[0.3, 0.4, 0.2]])
     table = bodies.at(middle)
     assert table.is_mesh.tolist() == [True]
-    away = np.array([distance(middle[0, :2], triangle) for triangle in vertices[triangles][..., :2]])
+    away = facet_distances(vertices[triangles] * (1.0, 1.0, 0.0), middle * (1.0, 1.0, 0.0))[0]
     shown = {corners.tobytes() for corners in corners_of(bodies, 0)}
-    for corners, far in zip(vertices[triangles], away.tolist(), strict=True):
-        if abs(far - 0.35) > 0.01:
+    for corners, far in zip(vertices[triangles], away, strict=True):
+        if abs(far - 0.35) > 1e-6:
             assert (corners.tobytes() in shown) == (far < 0.35)
     np.testing.assert_array_equal(vertices[table.columns[0]], table.points_of(0)[_middle(table.points_of(0))])
 

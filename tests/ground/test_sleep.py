@@ -5,12 +5,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
-import pybullet as pb
 import pytest
 
 from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, MotionConfig, PhysicsConfig, Sphere, World, WorldConfig
 from smartmesh_ros.ground.config import SleepConfig
-from tests.grounds import level, shaped, world_of
+from tests.grounds import end_of, level, shaped, world_of
 
 SIDE, RATE = 61, 240
 BOX = Box(0.2, 0.2, 0.2)
@@ -110,25 +109,9 @@ def test_a_ball_rolls_down_a_slope_where_gravity_is_weak() -> None:
     """5/7 of what gravity has along the slope, from rest, and for so long as it takes for 1 m on the Earth's slope."""
     gravity, angle = 0.02, math.radians(3.0)
     seconds = math.sqrt(2.0 * 1.0 / (5.0 / 7.0 * gravity * math.sin(angle)))
-    with world_of(shaped(lambda x, y: math.tan(angle) * x, SIDE), gravity=(0.0, 0.0, -gravity)) as world:
-        world.spawn("ball", Sphere(0.1), 1.0, BodyState((2.0, 0.0, 2.0 * math.tan(angle) + 0.1 / math.cos(angle))))
-        world.step(int(seconds * RATE))
-        assert world.state("ball").position[0] == pytest.approx(1.0, abs=0.1)
-
-
-def test_a_body_that_nothing_supports_never_sleeps() -> None:
-    """It hovers because a force is applied in every step, as a rotor would, and falls as soon as that ends."""
-    with World(level(SIDE)) as world:
-        world.spawn("drone", Box(0.3, 0.3, 0.1), 1.0, BodyState((0.0, 0.0, 1.0)))
-        uid = world.bodies["drone"].uid
-        for _ in range(2 * RATE):
-            x, y, z = world.state("drone").position
-            world.client.applyExternalForce(uid, -1, (0.0, 0.0, 9.81), (x, y, z), pb.WORLD_FRAME)
-            world.step()
-            assert not asleep(world)
-        assert world.state("drone").position[2] == pytest.approx(1.0, abs=1e-3)
-        world.step(RATE // 4)
-        assert world.state("drone").position[2] == pytest.approx(1.0 - 0.5 * 9.81 / 16.0, abs=0.01)
+    slope, start = shaped(lambda x, y: math.tan(angle) * x, SIDE), 2.0 * math.tan(angle) + 0.1 / math.cos(angle)
+    end = end_of(slope, Sphere(0.1), BodyState((2.0, 0.0, start)), int(seconds * RATE), gravity=(0.0, 0.0, -gravity))
+    assert end.position[0] == pytest.approx(1.0, abs=0.1)
 
 
 @pytest.mark.parametrize("after", [0.0, 0.02])

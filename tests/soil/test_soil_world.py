@@ -51,11 +51,13 @@ def test_a_sliding_box_is_held_by_the_shear_strength() -> None:
 
 
 def test_what_sleeps_on_hard_soil_sinks_when_soft_soil_lies_there() -> None:
-    """By an assignment to the map, and by a map that scrolled: its soils stay with the ground."""
-    for scrolls in (False, True):
-        with World(HeightMap(FLAT, resolution=0.04, soil=np.ones((101, 101), np.uint8))) as world:
+    """By an assignment to the map, and by a map that scrolled: its soils stay with the ground. Kinds that are not there
+    count as the last."""
+    for scrolls, kind in ((False, 200), (True, 1)):
+        with World(HeightMap(FLAT, resolution=0.04)) as world:
             world.spawn("box", Box(0.2, 0.2, 0.2), 20.0, BodyState((2.0, 2.0, 0.1)))
             world.ground.set_soil(Soil(world.terrain, ["lunar", "clay"]))
+            world.terrain.tile("").soil = np.full((101, 101), kind)
             world.step(480)
             assert world.is_asleep("box")
             assert world.state("box").position[2] == pytest.approx(0.1, abs=1e-3)

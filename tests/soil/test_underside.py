@@ -11,6 +11,7 @@ import pytest
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.core.body_shape import BodyShape
+from tests.bodies import random_turn
 
 SHAPES: dict[str, tuple[dict[str, Any], Callable[..., BodyShape]]] = {
     "box": ({"shapeType": pb.GEOM_BOX, "halfExtents": [0.3, 0.2, 0.1]}, partial(BodyShape.box, (0.6, 0.4, 0.2))),
@@ -20,23 +21,18 @@ SHAPES: dict[str, tuple[dict[str, Any], Callable[..., BodyShape]]] = {
 }
 
 
-def above_grid(shape: BodyShape, xy: np.ndarray, spacing: float) -> Any:
-    return CORE.shape_above_grid(shape, xy, spacing)
-
-
 @pytest.mark.parametrize("kind", SHAPES)
 def test_undersides_are_where_rays_from_below_meet_the_shape(client: Any, kind: str) -> None:
     rng = np.random.default_rng(list(SHAPES).index(kind) + 1)
     arguments, made = SHAPES[kind]
     body = client.createMultiBody(1.0, client.createCollisionShape(**arguments))
     for _ in range(10):
-        turn = rng.standard_normal(4)
-        turn /= np.linalg.norm(turn)
+        turn = random_turn(rng)
         client.resetBasePositionAndOrientation(body, (0, 0, 0), turn.tolist())
         xy = rng.uniform(-0.4, 0.4, (200, 2))
         starts, ends = np.column_stack([xy, np.full(200, -5.0)]), np.column_stack([xy, np.full(200, 5.0)])
         hits = client.rayTestBatch(starts.tolist(), ends.tolist())
-        table, *_ = above_grid(made(orientation=turn), xy, 0.0)
+        table, *_ = CORE.shape_above_grid(made(orientation=turn), xy, 0.0)
         found = table[:, 0]
         met = np.array([hit[3][2] if hit[0] == body else math.inf for hit in hits])
         both = np.isfinite(found) & np.isfinite(met)
@@ -52,15 +48,14 @@ def test_normals_stand_on_the_underside_which_lies_within_reach(kind: str, spaci
     rng = np.random.default_rng(list(SHAPES).index(kind) + 1)
     made = SHAPES[kind][1]
     for _ in range(10):
-        turn = rng.standard_normal(4)
-        shape = made(orientation=turn / np.linalg.norm(turn))
+        shape = made(orientation=random_turn(rng))
         xy = rng.uniform(-0.5, 0.5, (300, 2))
-        table, *far = above_grid(shape, xy, spacing)
+        table, *far = CORE.shape_above_grid(shape, xy, spacing)
         found, normals = table[:, 0], table[:, 1:4]
         assert (np.abs(xy[np.isfinite(found)]) <= far).all()
         errors = []
         for step in ((1e-7, 0.0), (0.0, 1e-7)):
-            near = above_grid(shape, xy + step, spacing)[0][:, 0]
+            near = CORE.shape_above_grid(shape, xy + step, spacing)[0][:, 0]
             there = np.isfinite(found) & np.isfinite(near)
             assert np.linalg.norm(normals[there], axis=1) == pytest.approx(1.0)
             along = np.column_stack([np.broadcast_to(step, (there.sum(), 2)), near[there] - found[there]])

@@ -71,52 +71,38 @@ def normals_of(facets: np.ndarray) -> np.ndarray:
     return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
 
 
-def highest(facets: np.ndarray, points: np.ndarray, slack: float = 1e-9) -> Found:
-    """The highest facet under each point (N, 3), at most as high as the point."""
-    values, normals = np.full(len(points), np.nan), np.full((len(points), 3), np.nan)
-    own = normals_of(facets)
-    # Facets whose bounding boxes are beside a point are not under it.
-    low, high = facets[:, :, :2].min(axis=1) - 1e-6, facets[:, :, :2].max(axis=1) + 1e-6
-    west, south, east, north = (np.ascontiguousarray(side) for side in (*low.T, *high.T))
-    for i, (x, y, top) in enumerate(points):
-        near = np.flatnonzero((west <= x) & (x <= east) & (south <= y) & (y <= north))
-        a, b, c = (facets[near, k, :2] - (x, y) for k in range(3))
-        u, v, w = (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0] for p, q in ((b, c), (c, a), (a, b)))
-        area = u + v + w
-        with np.errstate(divide="ignore", invalid="ignore"):
-            weights = np.stack([u, v, w], axis=1) / area[:, None]
-            z = (weights * facets[near, :, 2]).sum(axis=1)
-        inside = (weights >= -slack).all(axis=1) & (z <= top)
-        if inside.any():
-            best = np.flatnonzero(inside)[z[inside].argmax()]
-            values[i], normals[i] = z[best], own[near[best]]
-    return Found(values, normals)
-
-
 def first_hit(facets: np.ndarray, origins: np.ndarray, directions: np.ndarray, reach: float) -> Found:
     """The first facet that each ray meets, from either side: its plane, then the signs of three volumes."""
     values, normals = np.full(len(origins), np.inf), np.full((len(origins), 3), np.nan)
-    own = normals_of(facets)
+    own, low, high = normals_of(facets), facets.min(axis=1) - 1e-6, facets.max(axis=1) + 1e-6
     for i, (start, way) in enumerate(zip(origins, directions, strict=True)):
         unit = way / np.linalg.norm(way)
+        ends = np.stack([start, start + reach * unit])
+        near = np.flatnonzero(((low <= ends.max(axis=0)) & (high >= ends.min(axis=0))).all(axis=1))
         with np.errstate(divide="ignore", invalid="ignore"):
-            s = ((facets[:, 0] - start) * own).sum(axis=1) / (own @ unit)
-        a, b, c = (facets[:, k] - start for k in range(3))
+            s = ((facets[near, 0] - start) * own[near]).sum(axis=1) / (own[near] @ unit)
+        a, b, c = (facets[near, k] - start for k in range(3))
         volumes = np.stack([np.cross(p, q) @ unit for p, q in ((a, b), (b, c), (c, a))])
         inside = (volumes >= -1e-12).all(axis=0) | (volumes <= 1e-12).all(axis=0)
         hit = np.flatnonzero(inside & (s >= 0.0) & (s <= reach))
         if hit.size:
             best = hit[s[hit].argmin()]
-            values[i], normals[i] = s[best], own[best]
+            values[i], normals[i] = s[best], own[near[best]]
     return Found(values, normals)
 
 
-def distances(facets: np.ndarray, points: np.ndarray, reach: float) -> np.ndarray:
-    """The distances (N,) of points (N, 3) from the nearest facet [m], right where they are below ``reach`` [m]."""
-    low, high = points.min(axis=0) - reach, points.max(axis=0) + reach
-    near = facets[((facets.min(axis=1) <= high) & (facets.max(axis=1) >= low)).all(axis=1)]
-    a, b, c = (near[:, k] - points[:, None] for k in range(3))
-    normals = normals_of(near)
+def highest(facets: np.ndarray, points: np.ndarray) -> Found:
+    """The highest facet under each point (N, 3), at most as high as the point."""
+    tops = np.minimum(points[:, 2], facets[..., 2].max() + 1.0)
+    origins, down = np.column_stack([points[:, :2], tops]), np.tile([0.0, 0.0, -1.0], (len(points), 1))
+    found = first_hit(facets, origins, down, float(np.ptp(facets[..., 2])) + 1.0)
+    return Found(np.where(np.isinf(found.values), np.nan, tops - found.values), found.normals)
+
+
+def facet_distances(facets: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """The distances (N, T) of points (N, 3) from facets [m]."""
+    a, b, c = (facets[:, k] - points[:, None] for k in range(3))
+    normals = normals_of(facets)
     inside = np.ones(a.shape[:2], bool)
     best = np.full(a.shape[:2], np.inf)
     for p, q in ((a, b), (b, c), (c, a)):
@@ -125,4 +111,11 @@ def distances(facets: np.ndarray, points: np.ndarray, reach: float) -> np.ndarra
         share = np.clip(-np.einsum("ptj,ptj->pt", p, side) / np.einsum("ptj,ptj->pt", side, side), 0.0, 1.0)
         best = np.minimum(best, np.linalg.norm(p + share[..., None] * side, axis=2))
     planes = np.abs(np.einsum("ptj,tj->pt", a, normals))
-    return np.asarray(np.where(inside, planes, best).min(axis=1, initial=np.inf))
+    return np.asarray(np.where(inside, planes, best))
+
+
+def distances(facets: np.ndarray, points: np.ndarray, reach: float) -> np.ndarray:
+    """The distances (N,) of points (N, 3) from the nearest facet [m], right where they are below ``reach`` [m]."""
+    low, high = points.min(axis=0) - reach, points.max(axis=0) + reach
+    near = ((facets.min(axis=1) <= high) & (facets.max(axis=1) >= low)).all(axis=1)
+    return np.asarray(facet_distances(facets[near], points).min(axis=1, initial=np.inf))

@@ -112,7 +112,7 @@ def test_a_map_that_came_elsewhere_corrects_the_one_before_it(step: tuple[float,
 
 
 @pytest.mark.parametrize("layer", [False, True])
-def test_noise_is_fused_over_time_whole_and_in_regions(layer: bool) -> None:
+def test_noise_is_fused_over_time_whole_and_in_regions_and_a_true_change_is_taken_at_once(layer: bool) -> None:
     sigma, count = 0.01, 50
     heightmap = corrected(RNG.normal(0.0, sigma, (SIZE, SIZE)), noise=0.0 if layer else sigma)
     variance = np.full((SIZE, SIZE), sigma**2) if layer else None
@@ -125,6 +125,12 @@ def test_noise_is_fused_over_time_whole_and_in_regions(layer: bool) -> None:
             heightmap.update_region(0, 0, new[:32], time=0.001 * index, variance=part)
     assert heightmap.heights[:32].std() < 2.0 * sigma / math.sqrt(count)
     assert heightmap.heights[32:].std() < 2.0 * sigma / math.sqrt(0.5 * count)
+    heights, known = RNG.normal(0.0, sigma, (SIZE, SIZE)), heightmap.heights.copy()
+    heights[20:30] += 12.0 * sigma
+    heights[30:40] -= 0.3
+    heightmap.replace(heights, time=0.1, variance=variance)
+    np.testing.assert_array_equal(heightmap.heights[20:40], heights[20:40].astype(np.float32))
+    assert np.abs(heightmap.heights - known)[:20].max() < 0.5 * sigma
 
 
 def test_what_is_fused_scrolls_with_the_map() -> None:
@@ -195,18 +201,3 @@ def test_every_sample_of_a_region_is_the_filter_in_double_precision_and_no_other
         exact = 0.0 if noise == 0.0 and not math.isnan(z) else 1e-6
         assert known.heights[place] == pytest.approx(height, rel=exact, abs=1e-6 * reach, nan_ok=True)
         assert known.variances[place] == pytest.approx(variance, rel=1e-5, abs=1e-37)
-
-
-@pytest.mark.parametrize("step", [0.05, -0.3])
-def test_a_true_change_is_taken_at_once_and_noise_is_not(step: float) -> None:
-    rng = np.random.default_rng(2)
-    deviation = 0.005
-    known = FusedMap(np.full((60, 60), np.nan, np.float32), np.zeros((60, 60), np.float32))
-    for _ in range(30):
-        fuse(known, rng.normal(0.0, deviation, (60, 60)).astype(np.float32), deviation**2, 0.1)
-    assert np.abs(known.heights).max() < 2.5 * deviation  # averaged: no sample was put anew
-    dug = rng.normal(0.0, deviation, (60, 60)).astype(np.float32)
-    dug[20:30] += np.float32(step)
-    fuse(known, dug, deviation**2, 0.1)
-    np.testing.assert_array_equal(known.heights[20:30], dug[20:30])
-    assert np.abs(known.heights[:20]).max() < 2.5 * deviation

@@ -11,23 +11,6 @@ from hypothesis import strategies as st
 
 from smartmesh_ros import GridGeometry, HeightMap, Terrain
 from smartmesh_ros.terrain.motion import MotionConfig
-from tests.examples import examples
-
-
-@examples(40)
-@given(st.integers(0, 10**6), st.integers(1, 12), st.sampled_from([(3, 3), (40, 70), (65, 64), (130, 200)]))
-def test_regions_in_place_equal_a_map_built_anew(seed: int, count: int, shape: tuple[int, int]) -> None:
-    rng = np.random.default_rng(seed)
-    reference = rng.normal(size=shape).astype(np.float32)
-    heightmap = HeightMap(reference.copy(), resolution=1.0, time=0.0)
-    for step in range(1, count + 1):
-        row, column = int(rng.integers(shape[0])), int(rng.integers(shape[1]))
-        size = (int(rng.integers(1, shape[0] - row + 1)), int(rng.integers(1, shape[1] - column + 1)))
-        region = rng.normal(size=size).astype(np.float32)
-        region[rng.random(size) < 0.1] = np.nan
-        heightmap.update_region(row, column, region, time=step * 0.01)
-        reference[row : row + size[0], column : column + size[1]] = region
-    np.testing.assert_array_equal(heightmap.heights, reference)
 
 
 def test_a_given_velocity_is_used_and_holds_for_one_map() -> None:
@@ -83,16 +66,7 @@ geometries = st.builds(
 
 
 @given(geometries, st.floats(0, 199), st.floats(0, 199))
-def test_grid_and_world_are_inverse(geometry: GridGeometry, row: float, column: float) -> None:
-    back = geometry.to_grid(geometry.to_world(row, column))
-    np.testing.assert_allclose(back, [row, column], atol=1e-6)
-
-
-@given(geometries)
-def test_rows_run_along_the_maps_y_and_columns_along_its_x(geometry: GridGeometry) -> None:
-    origin, along_row, along_column = (geometry.to_world(*cell) for cell in ((0, 0), (1, 0), (0, 1)))
-    x_axis = np.array([math.cos(geometry.yaw), math.sin(geometry.yaw)]) * geometry.resolution
-    y_axis = np.array([-math.sin(geometry.yaw), math.cos(geometry.yaw)]) * geometry.resolution
-    np.testing.assert_allclose(origin, geometry.origin[:2])
-    np.testing.assert_allclose(along_column - origin, x_axis, atol=1e-9)
-    np.testing.assert_allclose(along_row - origin, y_axis, atol=1e-9)
+def test_rows_run_along_the_maps_y_and_columns_along_its_x(geometry: GridGeometry, row: float, column: float) -> None:
+    place = complex(column, row) * geometry.resolution * np.exp(1j * geometry.yaw) + complex(*geometry.origin[:2])
+    np.testing.assert_allclose(geometry.to_world(row, column), (place.real, place.imag), rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(geometry.to_grid(geometry.to_world(row, column)), [row, column], atol=1e-6)

@@ -25,6 +25,8 @@ Feed = Iterator[tuple[float, GridGeometry, NDArray[Any]]]
 GRID = square(61, 0.1)
 # Hills under the maps: still ground is seldom level.
 HILLS = np.asarray(make_ground(GRID, "sinusoid", amplitude=0.2, wavelength=2.0).heights(0.0), np.float64)
+SEA_GRID = square(61, 0.25)
+SEA = make_ground(SEA_GRID, **WAVES[4])
 # A warning comes within so long [s].
 SOON = 5.0
 
@@ -107,11 +109,6 @@ def of_motion(rate: float, kind: str, **settings: float) -> Feed:
     return of_ground(lambda time: ground.heights(max(time - 1.5, 0.0)), geometry, at_rate(rate, 5.0, 720))
 
 
-def of_waves(stamps: Iterable[float]) -> Feed:
-    geometry = square(61, 0.25)
-    return of_ground(make_ground(geometry, **WAVES[4]).heights, geometry, stamps)
-
-
 def with_a_gap(lost: int) -> Feed:
     """The publisher of the README, 30 maps a second, some of whose maps are missing."""
     x = np.tile(np.linspace(-5.0, 5.0, 61), (61, 1))
@@ -141,18 +138,6 @@ def travelling(noise: float) -> Feed:
         yield time, geometry, part + rng.normal(0.0, noise, part.shape)
 
 
-def of_an_origin_that_rises() -> Feed:
-    for time in at_rate(30.0, 5.0, 150):
-        yield time, replace(GRID, origin=(*GRID.origin[:2], min(max(time - 1.5, 0.0), 1.0))), HILLS
-
-
-def of_changing_grids() -> Feed:
-    rng = np.random.default_rng(5)
-    for number, time in enumerate(at_rate(10.0)):
-        grid = square(20 + number % 2, 0.1)
-        yield time, grid, rng.normal(0.0, 0.005, (grid.rows, grid.columns))
-
-
 MOTIONS: dict[str, dict[str, Any]] = {
     "lift, 5 m/s": {"kind": "lift", "speed": 5.0, "duration": 0.15},
     "lift, 5 cm/s": {"kind": "lift", "speed": 0.05, "duration": 2.0},
@@ -167,7 +152,7 @@ MOTIONS: dict[str, dict[str, Any]] = {
 QUIET: dict[str, Callable[[], Feed]] = {
     **{scene.name: partial(of_scene, scene) for scene in read_scenes() if scene.moves},
     **{
-        f"waves, {name}, {rate:g} Hz": partial(of_waves, sorted(stamps_of(rate, name)))
+        f"waves, {name}, {rate:g} Hz": partial(of_ground, SEA.heights, SEA_GRID, sorted(stamps_of(rate, name)))
         for name in STAMPS for rate in (20.0, 60.0)
     },
     **{
@@ -176,11 +161,17 @@ QUIET: dict[str, Callable[[], Feed]] = {
     },
     **{f"{lost} maps lost": partial(with_a_gap, lost) for lost in range(2, 7)},
     "messy patch": of_a_messy_patch,
-    "an origin that rises": of_an_origin_that_rises,
+    "an origin that rises": lambda: (
+        (time, replace(GRID, origin=(*GRID.origin[:2], min(max(time - 1.5, 0.0), 1.0))), HILLS)
+        for time in at_rate(30.0, 5.0, 150)
+    ),
     "travelling": partial(travelling, 0.0),
     "closures every half second, of which nothing is known": partial(of_mapper, 8.0, 20.0, closure=0.08, every=0.5),
     "too far apart for a velocity": partial(of_mapper, 30.0, 2.0, noise=0.005),
-    "grids that change": of_changing_grids,
+    "grids that change": lambda: (
+        (time, square(side, 0.1), np.random.default_rng(number).normal(0.0, 0.005, (side, side)))
+        for number, time in enumerate(at_rate(10.0)) for side in [20 + number % 2]
+    ),
 }  # fmt: skip
 
 

@@ -88,7 +88,7 @@ def test_points_and_rays_find_the_triangles_of_a_general_mesh(seed: int) -> None
     mesh, time, rng = folded_mesh(seed), 0.15, np.random.default_rng(seed + 10)
     facets = triangles_of(mesh, time)
     points = np.column_stack([rng.uniform(-1.0, 12.0, (400, 2)), rng.choice([1.5, np.inf], 400)])
-    found, expected = at(mesh, points, time), highest(facets, points, slack=0.0)
+    found, expected = at(mesh, points, time), highest(facets, points)
     np.testing.assert_allclose(found.z, expected.values, atol=1e-12)
     np.testing.assert_allclose(found.normals, expected.normals, atol=1e-9)
     there = ~np.isnan(found.z)
@@ -183,15 +183,6 @@ def test_tiles_are_one_surface(gap: int) -> None:
     for expected, found in zip(one, two, strict=True):
         np.testing.assert_allclose(found, expected, atol=2e-6)
     np.testing.assert_array_equal(np.isnan(two.z), np.isnan(one.z))
-
-
-def test_a_hole_of_one_tile_shows_the_next_below() -> None:
-    heights = np.ones((5, 5))
-    heights[2, 2] = np.nan
-    terrain = Terrain(HeightMap(heights, resolution=1.0))
-    terrain.put("below", HeightMap(np.zeros((5, 5)), resolution=1.0))
-    np.testing.assert_allclose(at(terrain, np.array([[2.0, 2.1], [0.5, 0.5]]), 0.0).z, [0.0, 1.0])
-    np.testing.assert_allclose(at(terrain, np.array([[0.5, 0.5, 0.8], [0.5, 0.5, 1.0]]), 0.0).z, [0.0, 1.0])
 
 
 def test_the_padding_of_a_coarse_tile_does_not_cover_its_fine_neighbour() -> None:

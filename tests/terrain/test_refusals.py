@@ -3,6 +3,7 @@
 import math
 import pickle
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,20 +22,9 @@ DOWN = [[0, 0, -1]]
 ONES = np.ones((9, 12))
 
 
-def scan(**changes: Any) -> HeightScan:
-    return HeightScan.of("isaac_lab", **changes)
-
-
-def motion(**changes: Any) -> MotionConfig:
-    return MotionConfig(**changes)
-
-
-def geometry(**changes: Any) -> GridGeometry:
-    return GridGeometry(**{"rows": 10, "columns": 10, "resolution": 0.1, **changes})
-
-
-def points(values: Any) -> np.ndarray:
-    return checked_points(values)
+scan = partial(HeightScan.of, "isaac_lab")
+geometry = partial(GridGeometry, **{"rows": 10, "columns": 10, "resolution": 0.1})
+grid_map = partial(from_grid_map, np.zeros((5, 4)), centre=(0.0, 0.0), resolution=1.0, config=RasterConfig())
 
 
 def rays(origins: Any, directions: Any = DOWN, reach: float = 1.0) -> object:
@@ -43,10 +33,6 @@ def rays(origins: Any, directions: Any = DOWN, reach: float = 1.0) -> object:
 
 def mesh(vertices: Any = PLACES, triangles: Any = TRIANGLES, **more: Any) -> TriangleMesh:
     return TriangleMesh(vertices, triangles, **more)
-
-
-def grid_map(start: tuple[int, int]) -> object:
-    return from_grid_map(np.zeros((5, 4)), start=start, centre=(0.0, 0.0), resolution=1.0, config=RasterConfig())
 
 
 def occupancy(percent: int) -> object:
@@ -67,7 +53,7 @@ REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
         ({"delay": 11.0}, "0 to 10 s"), ({"seed": -1}, "whole number"), ({"seed": 0.5}, "whole number"),
     ],
     (HeightScan.of, "height_scan"): [(("isaac_gym",), "choose one of")],
-    (motion, "parameter"): [
+    (MotionConfig, "parameter"): [
         ({"mode": "guess"}, "choose"), ({"changes": "guess"}, "choose"), ({"max_interval": 0.0}, "max_interval"),
         ({"max_velocity": NAN}, "max_velocity"), ({"settle": 0.0}, "settle"), ({"noise": NAN}, "noise"),
         *(({"min_interval": value}, "min_interval") for value in (1.0, -1.0)),
@@ -78,12 +64,12 @@ REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
         ({"yaw": NAN}, "yaw"), *(({"resolution": value}, "resolution") for value in (0.0, -0.1, NAN)),
     ],
     (geometry, "size"): [({"rows": 2**20, "columns": 2**20}, "too many")],
-    (points, "length"): [(([[0.0]],), "(N, 2)"), (([0.0, 0.0],), "(N, 2)"), (([["a", "b"]],), "real numbers")],
-    (points, "non_finite"): [
+    (checked_points, "length"): [(([[0.0]],), "(N, 2)"), (([0.0, 0.0],), "(N, 2)"), (([["a", "b"]],), "real numbers")],
+    (checked_points, "non_finite"): [
         (([[NAN, 0.0]],), "finite"), (([[0.0, INF]],), "finite"),
         ((np.ma.masked_equal([[0.0, -9.0]], -9.0),), "finite"),
     ],
-    (points, "geometry"): [(([[-1e300, 0.0]],), "m away")],
+    (checked_points, "geometry"): [(([[-1e300, 0.0]],), "m away")],
     (rays, "length"): [(([[0, 0, 1]], [[0, 0, -1], [0, 0, 1]]), "both must be"), (([[0, 0]], [[0, 0]]), "both")],
     (rays, "non_finite"): [(([[0, 0, NAN]],), "not finite"), (([[0, 0, 1]], [[0, INF, -1]]), "not finite")],
     (rays, "direction"): [(([[0, 0, 1]], [[0, 0, 0]]), "direction 0 has no length")],
@@ -96,7 +82,7 @@ REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
     (mesh, "index"): [((PLACES, [corners]), "a triangle uses") for corners in ([0, 1, 48], [0, 1, -1], [0, 1, 1])],
     (mesh, "type"): [((PLACES, [[0.0, 1.0, 2.0]]), "whole numbers")],
     (mesh, "non_finite"): [((PLACES * NAN,), "not finite"), ((np.ma.masked_equal(PLACES, PLACES[5, 2]),), "finite")],
-    (grid_map, "region"): [((start,), "circular buffer") for start in ((5, 0), (0, 4), (65535, 0))],
+    (grid_map, "region"): [({"start": start}, "circular buffer") for start in ((5, 0), (0, 4), (65535, 0))],
     (occupancy, "occupancy"): [((101,), "101")],
 }  # fmt: skip
 

@@ -10,11 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros import Deck, GridGeometry, HeightMap, Terrain
-from smartmesh_ros.terrain.grid import overlap
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest, follow, motion_between, moved_on
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
-from smartmesh_ros.terrain.scrolling import cells_moved
 from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
+from tests.bodies import about_z
 from tests.grounds import terrain_of
 
 
@@ -24,26 +23,8 @@ def surface(geometry: GridGeometry, time: float) -> np.ndarray:
     return (np.sin(xy[..., 0]) + xy[..., 1] - 0.5 * time * xy[..., 0]).astype(np.float32)
 
 
-@given(rows=st.integers(-7, 7), columns=st.integers(-9, 9), yaw=st.floats(-3.0, 3.0), resolution=st.floats(0.05, 1.0))
-def test_velocities_of_shared_samples_are_those_of_the_ground(
-    rows: int, columns: int, yaw: float, resolution: float
-) -> None:
-    before = GridGeometry(rows=8, columns=10, resolution=resolution, origin=(3.0, -2.0, 0.0), yaw=yaw)
-    x, y = before.to_world(rows, columns)
-    after = GridGeometry(rows=8, columns=10, resolution=resolution, origin=(float(x), float(y), 0.0), yaw=yaw)
-    assert cells_moved(before, after) == (rows, columns)
-    terrain = Terrain(HeightMap(surface(before, 0.0), geometry=before, time=0.0))
-    scrolled = HeightMap(surface(after, 0.1), geometry=after, time=0.1)
-    terrain.put("", scrolled)
-    shared = np.zeros((8, 10), np.bool_)
-    shared[overlap((rows, columns), (8, 10))[0]] = True
-    wanted = np.where(shared, -0.5 * after.to_world(*np.mgrid[:8, :10])[..., 0], 0.0)
-    found = scrolled.sample(np.arange(80).reshape(8, 10), 0.1).velocities
-    np.testing.assert_allclose(found, wanted, atol=1e-3)
-
-
 def at(x: float, time: float, **geometry: float) -> HeightMap:
-    return HeightMap(np.zeros((8, 10)), resolution=0.1, origin=(x, 0.0), time=time, **geometry)  # type: ignore[arg-type]
+    return HeightMap(np.zeros((8, 10)), resolution=0.1, origin=(x, 0.0), time=time, **geometry)
 
 
 def motion(before: HeightMap, after: HeightMap) -> RigidMotion:
@@ -76,7 +57,7 @@ def test_a_place_that_is_told_every_other_map_tells_the_motion_all_the_same() ->
     found = []
     for index in range(1, 60):
         terrain.put("", at(0.02 * (index // 2 * 2) / rate, index / rate))
-        found.append(terrain.tiles[""].track.motion.x)  # type: ignore[union-attr]
+        found.append(terrain.tiles[""].track.motion.x)
     assert found[8:] == pytest.approx([0.02] * len(found[8:]), abs=0.007)
 
 
@@ -156,21 +137,24 @@ def coefficients(geometry: GridGeometry) -> np.ndarray:
     rows=st.integers(-9, 9), columns=st.integers(-11, 11), yaw=st.floats(-3.0, 3.0), rise=st.floats(-1.0, 1.0),
     changes=st.sampled_from(["motion", "correction"]), later=st.sampled_from([0.0, 0.1, 100.0]),
 )  # fmt: skip
-def test_friction_stays_with_the_ground_of_a_map_that_scrolls(
+def test_velocities_and_friction_of_shared_samples_are_those_of_the_ground(
     rows: int, columns: int, yaw: float, rise: float, changes: Changes, later: float
 ) -> None:
     before = GridGeometry(rows=8, columns=10, resolution=0.2, origin=(3.0, -2.0, 0.0), yaw=yaw)
     x, y = before.to_world(rows, columns)
     after = GridGeometry(rows=8, columns=10, resolution=0.2, origin=(float(x), float(y), rise), yaw=yaw)
-    motion = MotionConfig(changes=changes)
-    terrain = Terrain(HeightMap(np.zeros((8, 10)), geometry=before, friction=coefficients(before), motion=motion))
-    new = HeightMap(np.zeros((8, 10)), geometry=after, time=later, motion=motion)
+    motion, friction = MotionConfig(changes=changes), coefficients(before)
+    terrain = Terrain(HeightMap(surface(before, 0.0), geometry=before, friction=friction, motion=motion))
+    new = HeightMap(surface(after, later) - rise, geometry=after, time=later, motion=motion)
     terrain.put("", new)
-    wanted = coefficients(after)
     known_rows, known_columns = np.arange(8) + rows, np.arange(10) + columns  # in the map before
     is_new = ((known_rows < 0) | (known_rows >= 8))[:, None] | (known_columns < 0) | (known_columns >= 10)
-    wanted[is_new] = np.nan
+    wanted = np.where(is_new, np.nan, coefficients(after))
     np.testing.assert_allclose(np.full((8, 10), new.friction), np.where(is_new.all(), 1.0, wanted), atol=1e-5)
+    speeds = -0.5 * after.to_world(*np.mgrid[:8, :10])[..., 0]
+    found = new.sample(np.arange(80).reshape(8, 10), later).velocities
+    rises = ~is_new & (changes == "motion" and later == 0.1)
+    np.testing.assert_allclose(found, np.where(rises, speeds, 0.0), atol=1e-3)
 
 
 PLACED = GridGeometry(rows=8, columns=10, resolution=0.2)
@@ -202,7 +186,7 @@ def test_friction_at_points_is_that_of_the_nearest_sample_of_the_first_map_with_
     points = np.array([[1.4, 0.6], [3.6, 4.0], [2.0, 2.0], [6.0, 6.0], [20.0, 0.0]])
     np.testing.assert_allclose(friction_at(terrain, points), [6.0, 24.0, 0.5, 0.5, np.nan])
     assert friction_at(Terrain(HeightMap(np.zeros((5, 5)), resolution=1.0)), points[:1]) == 1.0
-    turned = (0.0, 0.0, math.sin(math.pi / 4.0), math.cos(math.pi / 4.0))  # the deck's x is the terrain's y
+    turned = about_z(math.pi / 2.0)  # the deck's x is the terrain's y
     terrain.put("deck", Deck(HeightMap(np.zeros((5, 5)), resolution=1.0, friction=holed.friction), position=(4, 0, 1),
                              orientation=turned))  # fmt: skip
     np.testing.assert_allclose(friction_at(terrain, points), [16.0, 4.0, 12.0, 0.5, np.nan])
