@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smartmesh_ros import BodyState, PhysicsConfig, World, WorldConfig
-from smartmesh_ros.world.joints import JointCommand
+from smartmesh_ros import BodyState, PhysicsConfig, Terrain, World, WorldConfig
+from smartmesh_ros.world.joints import JointCommand, JointReading
+from tests.grounds import world_of
 from tests.urdfs import joint, link, robot
 
 MOMENT, HIGH = 0.5, BodyState((0.0, 0.0, 5.0))
@@ -25,22 +26,24 @@ def limit(velocity: float, effort: float = 1000.0, lower: float = -1e6, upper: f
 
 
 def weightless(rate: float = 240.0) -> World:
-    return World(config=WorldConfig(physics=PhysicsConfig(gravity=(0.0, 0.0, 0.0), rate=rate)))
+    """A world that tells its user nothing."""
+    world = world_of(Terrain(), gravity=(0.0, 0.0, 0.0), rate=rate)
+    world.say = lambda words: None
+    return world
 
 
-def velocities(
+def moved(
     urdf: str, command: JointCommand, seconds: float = 1.0, speed: float = 0.0, rate: float = 240.0
-) -> list[float]:
-    """The joint's velocity after each step, from ``speed`` on."""
+) -> list[JointReading]:
+    """The joint after each step, from a velocity of ``speed`` on."""
     with weightless(rate) as world:
-        world.say = lambda words: None
         world.spawn_robot("r", urdf, HIGH)
         world.client.resetJointState(world.bodies["r"].uid, 0, 0.0, speed)
         world.command("r", "j", command)
         found = []
         for _ in range(round(seconds * rate)):
             world.step()
-            found.append(world.joints("r")[0].velocity)
+            found += world.joints("r")
         return found
 
 
@@ -51,21 +54,26 @@ def velocities(
     ids=str,
 )
 def test_a_target_moves_a_joint_no_faster_than_its_urdf_allows(kind: str, command: JointCommand) -> None:
-    found = velocities(arm(limit(1.5), kind), command, 0.5)
-    assert max(map(abs, found)) == pytest.approx(1.5, rel=1e-6)
+    found = moved(arm(limit(1.5), kind), command, 0.5)
+    assert max(abs(one.velocity) for one in found) == pytest.approx(1.5, rel=1e-6)
 
 
 @pytest.mark.parametrize(
-    ("more", "command", "speed"),
+    ("kind", "more", "command", "speed"),
     [
-        ("", JointCommand(velocity=30.0), 30.0),
-        ('<limit effort="100" velocity="0"/>', JointCommand(velocity=30.0), 30.0),
-        (limit(1.5), JointCommand(effort=2.0), 2.0 / MOMENT),  # the limit is one of targets
-        (limit(400.0), JointCommand(velocity=300.0), 300.0),  # faster than PyBullet lets it by itself
+        ("continuous", "", JointCommand(velocity=30.0), 30.0),
+        ("continuous", '<limit effort="100" velocity="0"/>', JointCommand(velocity=30.0), 30.0),
+        ("continuous", limit(1.5), JointCommand(effort=2.0), 2.0 / MOMENT),  # the limit is one of targets
+        ("prismatic", limit(1.5), JointCommand(effort=-2.0), -2.0 / MOMENT),
+        ("continuous", limit(400.0), JointCommand(velocity=300.0), 300.0),  # faster than PyBullet lets it by itself
     ],
 )
-def test_without_a_lower_limit_a_joint_is_as_fast_as_it_is_told(more: str, command: JointCommand, speed: float) -> None:
-    assert velocities(arm(more), command)[-1] == pytest.approx(speed, rel=0.01)
+def test_without_a_lower_limit_a_joint_is_as_fast_as_it_is_told(
+    kind: str, more: str, command: JointCommand, speed: float
+) -> None:
+    last = moved(arm(more, kind), command)[-1]
+    assert last.velocity == pytest.approx(speed, rel=0.01)
+    assert command.effort in (None, last.effort)
 
 
 @pytest.mark.parametrize(
@@ -88,11 +96,11 @@ def test_without_a_lower_limit_a_joint_is_as_fast_as_it_is_told(more: str, comma
 def test_friction_hinders_what_drives_a_joint_and_helps_what_stops_it(
     command: JointCommand, speed: float, net: float
 ) -> None:
-    found = velocities(arm(limit(1e3, effort=4.0) + '<dynamics friction="1.0"/>'), command, 0.5, speed)
+    found = moved(arm(limit(1e3, effort=4.0) + '<dynamics friction="1.0"/>'), command, 0.5, speed)[-1].velocity
     change = 0.5 * net / MOMENT
     if command == JointCommand():
         change = -math.copysign(min(abs(change), abs(speed)), speed)
-    assert found[-1] - speed == pytest.approx(change, rel=0.01, abs=0.01)
+    assert found - speed == pytest.approx(change, rel=0.01, abs=0.01)
 
 
 @settings(max_examples=30)
@@ -101,7 +109,8 @@ def test_damping_never_diverges_and_is_exact_where_steps_bear_it(
     log_damping: float, log_moment: float, rate: float
 ) -> None:
     damping, moment = 10.0**log_damping, 10.0**log_moment
-    found = velocities(arm(f'<dynamics damping="{damping}"/>', moment=moment), JointCommand(), 0.2, 1.0, rate)
+    urdf = arm(f'<dynamics damping="{damping}"/>', moment=moment)
+    found = [one.velocity for one in moved(urdf, JointCommand(), 0.2, 1.0, rate)]
     assert all(0.0 <= after <= before for before, after in zip([1.0, *found], found, strict=False))
     if damping / moment < 0.02 * rate:
         assert found[-1] == pytest.approx(math.exp(-damping / moment * 0.2), abs=0.01)
@@ -187,7 +196,6 @@ def test_a_joint_whose_limits_exclude_zero_starts_at_the_nearest_and_so_does_wha
         joint("k", "prismatic", "base", "down", limit(1.0, lower=-0.9, upper=-0.7)),
     )  # fmt: skip
     with weightless() as world:
-        world.say = lambda words: None
         world.spawn_robot("r", urdf, HIGH)
         world.step(10)
         found = {reading.name: reading.position for reading in world.joints("r")}

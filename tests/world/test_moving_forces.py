@@ -1,5 +1,5 @@
-"""The ground's force on what lies on it, while it heaves and maps come less often than steps: m (g + a). An IMU measures
-g + a."""
+"""The ground's force on what lies on it is m (g + a) while it heaves and maps come less often than steps, and an IMU
+measures g + a."""
 
 import math
 from collections.abc import Callable
