@@ -29,6 +29,13 @@ def world_of(ground: MainMesh | Terrain, **physics: Any) -> World:
     return World(ground, WorldConfig(physics=PhysicsConfig(**physics)))
 
 
+def said_by(world: World) -> list[str]:
+    """What a world tells its user from now on."""
+    said: list[str] = []
+    world.say = said.append
+    return said
+
+
 def terrain_of(**tiles: MainMesh) -> Terrain:
     """A terrain of several maps or meshes."""
     terrain = Terrain()

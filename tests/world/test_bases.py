@@ -13,7 +13,7 @@ import pytest
 
 from smartmesh_ros import Base, BaseConfig, BodyState, InputError, World
 from tests import urdfs
-from tests.grounds import level, shaped, world_of
+from tests.grounds import level, said_by, shaped, world_of
 from tests.tracked import UNDERCARRIAGE
 
 RACECAR = str(Path(pybullet_data.getDataPath()) / "racecar" / "racecar.urdf")
@@ -127,8 +127,7 @@ def test_wheels_behind_one_another_spin_by_the_law_of_friction_so_that_the_base_
 @pytest.mark.parametrize("name", ["cart", "racecar", "tracks"])
 def test_it_stops_when_its_time_is_over_and_says_so(name: str) -> None:
     with standing(name) as (world, base):
-        said: list[str] = []
-        world.say = said.append
+        said = said_by(world)
         base.drive(0.5, 0.0, lasts=0.5)
         world.step(119)
         assert world.base_state("robot").linear[0] == pytest.approx(0.5, abs=0.03)  # the tracked machine rocks
@@ -196,8 +195,7 @@ def test_it_holds_its_wheels_comes_back_with_its_robot_and_starts_anew_with_the_
 
 def test_episodes_begin_without_commands_and_a_reset_leaves_them_their_time() -> None:
     with standing("cart", linear_acceleration=0.5) as (world, base):
-        said: list[str] = []
-        world.say = said.append
+        said = said_by(world)
         states = []
         for _ in range(3):
             world.reset(seed=0)
@@ -261,8 +259,7 @@ def test_settings_that_cannot_be_are_refused(settings: dict[str, object], words:
 )
 def test_what_does_not_fit_the_robot_is_said_once_and_refused(name: str, config: BaseConfig, words: str) -> None:
     with World() as world:
-        said: list[str] = []
-        world.say = said.append
+        said = said_by(world)
         world.spawn_robot("robot", ROBOTS[name][0])
         base = Base(world, "robot", config)
         said.clear()

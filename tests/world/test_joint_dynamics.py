@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from smartmesh_ros import BodyState, PhysicsConfig, Terrain, World, WorldConfig
 from smartmesh_ros.world.joints import JointCommand, JointReading
-from tests.grounds import world_of
+from tests.grounds import said_by, world_of
 from tests.urdfs import joint, link, robot
 
 MOMENT, HIGH = 0.5, BodyState((0.0, 0.0, 5.0))
@@ -123,9 +123,8 @@ def test_a_chain_of_light_damped_links_slows_down_at_any_rate() -> None:
     damped = '<dynamics damping="2.0"/>'
     parts = [link(name, "", 0.1, 1e-4, at="0.1 0 0") for name in names[1:]]
     parts += [joint(f"j{k}", "continuous", names[k], names[k + 1], damped, xyz="0.2 0 0") for k in range(count)]
-    said: list[object] = []
     with weightless() as world:
-        world.say = said.append
+        said = said_by(world)
         world.spawn_robot("r", robot(link("base", '<box size="1 1 1"/>', 5.0, 1.0), *parts), HIGH)
         assert "less damping than given" in str(said)
         for rate in (1000.0, 100.0):
@@ -170,9 +169,8 @@ def test_any_link_has_moments_that_a_body_can_have(
     inertia = "<inertia " + " ".join(f'{key}="{value}"' for key, value in numbers) + "/>"
     made = f'<link name="{{}}"><inertial><mass value="2"/>{inertia}</inertial>{{}}</link>'
     ball = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
-    said: list[object] = []
     with weightless() as world:
-        world.say = said.append
+        said = said_by(world)
         world.spawn_robot(
             "r", robot(made.format("base", ball), made.format("tip", ""), joint("j", "continuous", "base", "tip")), HIGH
         )
@@ -184,7 +182,7 @@ def test_any_link_has_moments_that_a_body_can_have(
             low, middle, high = sorted(world.client.getDynamicsInfo(world.bodies["r"].uid, index)[2])
             assert low >= 0.0 and high <= low + middle
             assert high == pytest.approx(max(moments), rel=1e-6) or not any(moments)
-        assert any("base, tip" in str(words) for words in said) == told
+        assert any("base, tip" in words for words in said) == told
 
 
 def test_a_joint_whose_limits_exclude_zero_starts_at_the_nearest_and_so_does_what_mimics_it() -> None:
@@ -222,9 +220,8 @@ def test_what_has_no_effect_is_told(words: str) -> None:
     of_joint = of_joint if "<limit" in of_joint else limit(1.0) + of_joint
     of_link, whole = ("", element) if element.startswith("<gazebo") else (of_link, "")
     urdf = robot(BASE, link("wheel", "", more=of_link), joint("j", "revolute", "base", "wheel", of_joint), whole)
-    said: list[object] = []
     with weightless() as world:
-        world.say = said.append
+        said = said_by(world)
         world.spawn_robot("r", urdf, HIGH)
     assert said == [f"robot 'r': without effect: {words}"]
 
@@ -233,9 +230,8 @@ TRACK = '<surface_drive name="track" link="base"><axis xyz="0 1 0"/><limit veloc
 
 
 def test_a_velocity_lasts_its_time_unless_it_is_renewed_and_positions_and_efforts_last() -> None:
-    said: list[object] = []
     with weightless() as world:
-        world.say = said.append
+        said = said_by(world)
         world.spawn_robot("r", arm(limit(9.0)).replace("</robot>", f"{TRACK}</robot>"), HIGH)
         for _ in range(4):  # renewed
             for name in ("j", "track"):
