@@ -150,19 +150,3 @@ def test_the_parts_of_a_robot_are_where_its_joints_say_with_their_velocities() -
     assert at_rest[2].state.position == pytest.approx((1.25 * math.cos(0.7), 1.25 * math.sin(0.7), 0.4), abs=1e-4)
     with pytest.raises(InputError, match="no joint 'roll'; it has yaw, reach"):
         robot.move({"roll": (0.0, 0.0)})
-
-
-def test_an_arm_that_turns_sweeps_a_crate_with_the_velocity_of_its_place() -> None:
-    with world_of(level(101), friction=0.3) as world:
-        robot = TrackedRobot("rig", ARM.replace('xyz="0 0 0.4"', 'xyz="0 0 0.1"'))
-        world.spawn("crate", Box(0.2, 0.2, 0.2), 1.0, BodyState((0.8, 0.4, 0.1)))
-        speeds = []
-        for step in range(360):
-            robot.move({"yaw": (step / 240.0, 1.0)})
-            for name, solid, state in robot.parts(BodyState()):
-                world.track(name, solid, state)
-            world.step()
-            x, y, _ = world.state("crate").position
-            speeds.append(math.hypot(*world.state("crate").linear) / math.hypot(x, y))
-        assert y > 0.7, "it was swept along"
-        assert np.mean(speeds[240:]) == pytest.approx(1.0, abs=0.15), "by 1 rad/s, as it slides outward"
