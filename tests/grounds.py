@@ -29,13 +29,6 @@ def world_of(ground: MainMesh | Terrain, **physics: Any) -> World:
     return World(ground, WorldConfig(physics=PhysicsConfig(**physics)))
 
 
-def said_by(world: World) -> list[str]:
-    """What a world tells its user from now on."""
-    said: list[str] = []
-    world.say = said.append
-    return said
-
-
 def terrain_of(**tiles: MainMesh) -> Terrain:
     """A terrain of several maps or meshes."""
     terrain = Terrain()
@@ -59,3 +52,10 @@ def step_on_moving(world: World, heights: Callable[[float], ArrayLike], steps: i
     """Step a world as `moving` does."""
     for _ in moving(world, heights, steps, every):
         pass
+
+
+def said_by(world: World) -> list[str]:
+    """What a world tells its user from now on."""
+    said: list[str] = []
+    world.say = said.append
+    return said
