@@ -27,6 +27,7 @@ FEWER_FRAMES = """
 window.requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 250);
 window.cancelAnimationFrame = clearTimeout;
 """
+PURPLE, ORANGE = BODY_COLOURS[BodyDescription.BOX], PatchLook.SAMPLES.colour  # of boxes, and of patches of samples
 # Where boxes stand: on flat ground, and on waves. Far from both there is only ground.
 FLAT, WAVES, BARE = (-2.0, 0.0), (1.5, 0.0), (-1.0, 2.5)
 
@@ -104,13 +105,17 @@ def hues(page: Any) -> np.ndarray:
     return np.where(saturation > 60, hue * 360.0 / 255.0, np.nan)
 
 
+def like(picture: np.ndarray, colour: tuple[int, int, int]) -> int:
+    """Pixels of about a colour's hue."""
+    hue = 360.0 * colorsys.rgb_to_hsv(*(value / 255.0 for value in colour))[0]
+    return int((np.abs((picture - hue + 180.0) % 360.0 - 180.0) < 12.0).sum())
+
+
 def count(picture: np.ndarray, colour: tuple[int, int, int], points: Any, margin: int = 4) -> int:
     """Pixels of about a colour's hue in the rectangle that holds points (n, 3) [m]."""
     places = np.array([pixel(point) for point in np.reshape(points, (-1, 3))])
     (left, top), (right, bottom) = places.min(axis=0) - margin, places.max(axis=0) + margin
-    hue = 360.0 * colorsys.rgb_to_hsv(*(value / 255.0 for value in colour))[0]
-    away = np.abs((picture[top:bottom, left:right] - hue + 180.0) % 360.0 - 180.0)
-    return int((away < 12.0).sum())
+    return like(picture[top:bottom, left:right], colour)
 
 
 def spawn(probe: Probe, name: str, xy: tuple[float, float]) -> None:
@@ -150,26 +155,25 @@ def test_patches_and_bodies_are_drawn_where_the_node_says(probe: Probe, page: An
     spawn(probe, "flat", FLAT)
     spawn(probe, "waves", WAVES)
     names = ("flat", "waves")
-    purple, orange = BODY_COLOURS[BodyDescription.BOX], PatchLook.SAMPLES.colour
     for name in names:
         wait(probe, page, lambda name=name: patch(probe, name)[0] == ColliderPatch.HEIGHTFIELD)
     corners = {name: patch(probe, name)[1] for name in names}
 
     def drawn(colours: np.ndarray) -> bool:
-        patches = all(count(colours, orange, corners[name]) > 30 for name in names)
-        return patches and all(count(colours, purple, position(probe, name), margin=8) > 30 for name in names)
+        patches = all(count(colours, ORANGE, corners[name]) > 30 for name in names)
+        return patches and all(count(colours, PURPLE, position(probe, name), margin=8) > 30 for name in names)
 
     seen = wait(probe, page, lambda: [p] if drawn(p := hues(page)) else [])[0]
-    for colour in (purple, orange):
+    for colour in (PURPLE, ORANGE):
         assert count(seen, colour, (*BARE, 0.15), margin=40) == 0, "bare ground"
     with shared.changed(probe, {"physics.sleep": True}):
-        wait(probe, page, lambda: all(count(hues(page), purple, position(probe, name), margin=8) < 5 for name in names))
-    wait(probe, page, lambda: all(count(hues(page), purple, position(probe, name), margin=8) > 30 for name in names))
+        wait(probe, page, lambda: all(count(hues(page), PURPLE, position(probe, name), margin=8) < 5 for name in names))
+    wait(probe, page, lambda: all(count(hues(page), PURPLE, position(probe, name), margin=8) > 30 for name in names))
     spawn(probe, "later", BARE)
     place = position(probe, "later")
-    wait(probe, page, lambda: count(hues(page), purple, place, margin=20) > 30)
+    wait(probe, page, lambda: count(hues(page), PURPLE, place, margin=20) > 30)
     assert probe.call("remove_body", RemoveBody, id="later").success
-    wait(probe, page, lambda: count(hues(page), purple, (*BARE, 0.15), margin=40) == 0)
+    wait(probe, page, lambda: count(hues(page), PURPLE, (*BARE, 0.15), margin=40) == 0)
 
 
 def test_the_button_pauses_the_node_and_lets_it_go_on(probe: Probe, page: Any) -> None:
@@ -218,13 +222,8 @@ def test_a_page_opens_with_the_bodies_in_sight(probe: Probe, url: str, browser: 
         spawn(probe, "corner", corner)
         position(probe, "corner")
         opened = open_page(browser, url)
-        hue = 360.0 * colorsys.rgb_to_hsv(*(value / 255.0 for value in BODY_COLOURS[BodyDescription.BOX]))[0]
-
-        def seen(opened: Any = opened, hue: float = hue) -> bool:
-            beside_the_panel = hues(opened)[:, : WIDTH - 340]
-            return int((np.abs(beside_the_panel - hue) < 12.0).sum()) > 300
-
-        wait(probe, opened, seen)
+        # Beside the panel.
+        wait(probe, opened, lambda opened=opened: like(hues(opened)[:, : WIDTH - 340], PURPLE) > 300)
         opened.close()
         assert probe.call("remove_body", RemoveBody, id="corner").success
 
