@@ -216,13 +216,10 @@ def test_topics_are_remapped(replay: Make) -> None:
         assert "ball" in run.world.bodies and run.received("body_states")
 
 
-def test_what_is_not_for_the_collider_is_refused(replay: Make) -> None:
-    with pytest.raises(InputError, match=r"nothing here is for /terrain_collider, whose inputs are(.|\n)*/elsewhere"):
-        replay([("/elsewhere", *level()[1:])])
+def test_messages_of_another_type_are_refused(replay: Make) -> None:
+    """What else is refused: test_command.py."""
     with pytest.raises(InputError, match="heightmap has tf2_msgs/msg/TFMessage, and must have smartmesh_msgs/msg"):
         replay([("heightmap", 0.0, TFMessage(transforms=[TransformStamped()]))])
-    with pytest.raises(InputError, match=r"physics\.rate"):
-        replay([level()], {"physics.rate": 0.0})
 
 
 def test_bytes_without_chance_are_those_of_the_message(replay: Make) -> None:
