@@ -1,5 +1,5 @@
 """Height scans are the ground at the points of their grid, in the layouts that policies were trained with. Around which
-frames of bodies and robots: tests/node/test_height_scans.py."""
+frames of bodies and robots: tests of the node's topics of scans."""
 
 import math
 from collections.abc import Callable
