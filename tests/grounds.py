@@ -71,3 +71,10 @@ def step_on_moving(world: World, heights: Callable[[float], ArrayLike], steps: i
     """Step a world as `moving` does."""
     for _ in moving(world, heights, steps, every):
         pass
+
+
+def said_by(world: World) -> list[str]:
+    """What a world tells its user from now on."""
+    said: list[str] = []
+    world.say = said.append
+    return said

@@ -14,6 +14,7 @@ from smartmesh_ros.world.state_table import StateTable
 from smartmesh_ros.world.states import SimulatedStates
 
 RATE = 240.0
+USUAL, GUESTS = PhysicsConfig(rate=RATE), GuestConfig()
 
 
 class Start(NamedTuple):
@@ -26,16 +27,16 @@ class Start(NamedTuple):
     z: float
 
 
-def flat_world(physics: PhysicsConfig, guests: GuestConfig | None = None) -> World:
+def flat_world(physics: PhysicsConfig = USUAL, guests: GuestConfig = GUESTS) -> World:
     """A world on flat ground."""
     ground = HeightMap(np.zeros((41, 161)), resolution=0.25, origin=(-20.0, -5.0))
-    return World(ground, WorldConfig(physics=physics, guests=guests or GuestConfig()))
+    return World(ground, WorldConfig(physics=physics, guests=guests))
 
 
 class Peers:
     """Worlds that step together and exchange the states of their bodies after ``late`` steps."""
 
-    def __init__(self, count: int, late: int, physics: PhysicsConfig, guests: GuestConfig | None = None) -> None:
+    def __init__(self, count: int, late: int, physics: PhysicsConfig, guests: GuestConfig) -> None:
         self.worlds = [flat_world(physics, guests) for _ in range(count)]
         self._late = late
         self._mail: deque[list[tuple[StateTable, float]]] = deque()
@@ -65,21 +66,16 @@ class Peers:
 
 @contextmanager
 def peers(
-    starts: list[list[Start]],
-    late: int,
-    physics: PhysicsConfig | None = None,
-    guests: GuestConfig | None = None,
-    *,
-    seed: int = 0,
-    phases: bool = False,
-) -> Iterator[Peers]:
-    """A world for each list of bodies, which are called ``b0``, ``b1``, ... all through. ``phases``: whether the worlds
-    step at different instants, as nodes do; bodies start where they would be then."""
-    made = Peers(len(starts), late, physics or PhysicsConfig(rate=RATE), guests)
+    starts: list[list[Start]], late: int, physics: PhysicsConfig = USUAL, guests: GuestConfig = GUESTS, *,
+    seed: int | None = None,
+) -> Iterator[Peers]:  # fmt: skip
+    """A world for each list of bodies, which are called ``b0``, ``b1``, ... all through. ``seed``: the worlds step at
+    different instants, as nodes do; bodies start where they would be then."""
+    made = Peers(len(starts), late, physics, guests)
     number = 0
-    share = np.random.default_rng(seed).random(len(starts)) if phases else np.zeros(len(starts))
+    share = np.zeros(len(starts)) if seed is None else np.random.default_rng(seed).random(len(starts))
     for world, bodies, phase in zip(made.worlds, starts, share.tolist(), strict=True):
-        world.time = phase * world.config.physics.dt
+        world.time = phase * world.dt
         for body in bodies:
             state = BodyState((body.x + body.speed * world.time, 0.0, body.z), linear=(body.speed, 0.0, 0.0))
             world.spawn(f"b{number}", body.shape, body.mass, state)

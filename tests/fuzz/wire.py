@@ -8,9 +8,10 @@ from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import Heightmap
 from std_srvs.srv import Trigger
 
-from smartmesh_ros.tools.testing import Probe, Process, assert_on_map
+from smartmesh_ros.tools.testing import Probe, Process
 from tests.fuzz import seeds
 from tests.fuzz.mutations import mutated
+from tests.node.test_faults import on_map
 
 # Messages between two looks at the patches.
 ROUND = 200
@@ -19,13 +20,9 @@ ROUND = 200
 def over_the_wire(count: int, seed: int) -> dict[str, int]:
     """Sends ``count`` messages to a node process over DDS; raises if it ends or its patches leave the map."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    probe = Probe()
-    try:
-        with probe.running(parameters={"terrain.motion": "hold"}) as process:
-            refused = bombard(probe, process, count, np.random.default_rng(seed))
-            return {"over DDS": count, "over DDS, refused": refused}
-    finally:
-        probe.close()
+    with Probe() as probe, probe.running(parameters={"terrain.motion": "hold"}) as process:
+        refused = bombard(probe, process, count, np.random.default_rng(seed))
+        return {"over DDS": count, "over DDS, refused": refused}
 
 
 def bombard(probe: Probe, process: Process, count: int, rng: np.random.Generator) -> int:
@@ -61,15 +58,4 @@ def require_well(probe: Probe, process: Process, rng: np.random.Generator) -> No
     assert response.success
     probe.wait_for(lambda: only_the_single_map(probe), watch=process)
     good = probe.publish_map(rng.normal(size=(30, 30)), resolution=0.25, stamp=Heightmap().header.stamp)
-
-    def on_map() -> bool:
-        probe.publish_poses([(2.0, 2.0, 0.3), (4.0, 5.0, 0.2)])
-        patches = probe.patches()
-        try:
-            for points in patches.values():
-                assert_on_map(points, good)
-        except AssertionError:
-            return False
-        return len(patches) >= 2
-
-    probe.wait_for(on_map, watch=process)
+    probe.wait_for(on_map(probe, good), watch=process)

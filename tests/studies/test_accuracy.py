@@ -1,5 +1,6 @@
 """The accuracy study: its arithmetic, that scenes run, and that the defaults pass the quick rows."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,49 +10,40 @@ from smartmesh_ros.tools.evaluation.scene import Bodies, Scene
 from studies import accuracy
 from studies.accuracy import run_scene
 from studies.configurations import configurations
-from studies.contest import Result, beyond_all, cheapest_as_accurate, only_by, pareto_front
+from studies.contest import Result, beyond_all, cheapest_as_accurate, only_by
 from studies.matrix.run import ROWS, run_cell
 
 
-def test_a_front_holds_what_nothing_beats() -> None:
+def test_a_front_holds_what_nothing_beats_and_says_who_is_there_by_one_measure_only() -> None:
     results = {
-        "slow and true": Result(cost=9.0, p99=0.001),
-        "quick and rough": Result(cost=1.0, p99=0.1),
-        "beaten": Result(cost=9.5, p99=0.01),
-        "loses": Result(cost=0.5, p99=0.0001, lost=1),
-        "hovers": Result(cost=9.2, p99=0.0, hover=0.02),
+        "all round": Result(cost=0.5, p99=0.06, hover=0.0, deviation=0.8),
+        "leaves the ground": Result(cost=1.0, p99=0.0, hover=0.0, deviation=0.7),
+        "sinks": Result(cost=1.0, p99=0.05, hover=0.0, deviation=0.001),
+        "a bit of both": Result(cost=1.0, p99=0.01, hover=0.0, deviation=0.01),
+        "beaten": Result(cost=2.0, p99=0.02, hover=0.0, deviation=0.02),
+        "loses": Result(cost=0.4, p99=0.0001, lost=1),
+        "hovers": Result(cost=0.7, p99=0.0, hover=0.09),
+        "stopped before a second": Result(cost=0.9, p99=0.002, hover=0.0),
         "stopped": Result(),
     }
-    assert pareto_front(results) == ["quick and rough", "slow and true"]
-    assert set(only_by(results).values()) == {""}, "without a reference there is one measure"
-    assert cheapest_as_accurate(results, 0.02) == "slow and true"
+    assert only_by(results) == {
+        "all round": "", "stopped before a second": "distance", "leaves the ground": "distance", "sinks": "deviation",
+        "a bit of both": "both together",
+    }  # fmt: skip
+    assert cheapest_as_accurate(results, 0.05, 0.01) == "a bit of both"
+    untold = {name: replace(result, deviation=math.nan) for name, result in results.items()}
+    front = ("all round", "stopped before a second", "leaves the ground")
+    assert only_by(untold) == dict.fromkeys(front, ""), "without a reference there is one measure"
+    assert cheapest_as_accurate(untold, 0.02) == "stopped before a second"
+
+
+def test_what_beats_all_of_ours_is_nearer_both_to_the_ground_and_to_the_reference() -> None:
     ours = {"a": Result(cost=5.0, p99=0.01), "b": Result(cost=2.0, p99=0.05)}
     rivals = {"better": Result(cost=1.0, p99=0.005), "other": Result(cost=1.0, p99=0.02)}
     assert beyond_all(ours, rivals) == ["better"]
     true = {name: replace(result, deviation=0.01) for name, result in ours.items()}
-    astray = {name: replace(result, deviation=0.5) for name, result in rivals.items()}
-    assert beyond_all(true, astray) == []
-    along = {name: replace(result, deviation=0.01) for name, result in rivals.items()}
-    assert beyond_all(true, along) == ["better"]
-
-
-def test_a_front_over_both_measures_says_who_is_there_by_one_only() -> None:
-    results = {
-        "leaves the ground": Result(cost=1.0, p99=0.0, hover=0.0, deviation=0.7),
-        "sinks": Result(cost=1.0, p99=0.05, hover=0.0, deviation=0.001),
-        "a bit of both": Result(cost=1.0, p99=0.01, hover=0.0, deviation=0.01),
-        "all round": Result(cost=0.5, p99=0.06, hover=0.0, deviation=0.8),
-        "beaten": Result(cost=2.0, p99=0.02, hover=0.0, deviation=0.02),
-        "stopped before a second": Result(cost=0.9, p99=0.002, hover=0.0),
-    }
-    assert only_by(results) == {
-        "all round": "",
-        "stopped before a second": "distance",
-        "leaves the ground": "distance",
-        "sinks": "deviation",
-        "a bit of both": "both together",
-    }
-    assert cheapest_as_accurate(results, 0.05, 0.01) == "a bit of both"
+    for deviation, found in ((0.5, []), (0.01, ["better"])):
+        assert beyond_all(true, {k: replace(one, deviation=deviation) for k, one in rivals.items()}) == found
 
 
 def small_scene() -> Scene:

@@ -14,29 +14,20 @@ from studies.bench.measure import QUICK, Bench, Case, Effort
 from studies.pages import number, times
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What a quick run of two frames a case leaves."""
-    folder = tmp_path_factory.mktemp("bench")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(study, "QUICK", replace(QUICK, frames=2, seconds=0.0))
-        assert study.main(["--quick", "--out", str(folder)]) == 0
-    return folder
-
-
-def test_one_json_with_every_kind_of_figure(folder: Path) -> None:
-    data = json.loads((folder / study.RESULTS).read_text())
+def test_a_quick_run_writes_every_kind_of_figure_and_a_table_for_each_of_the_reports(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of two frames a case."""
+    monkeypatch.setattr(study, "QUICK", replace(QUICK, frames=2, seconds=0.0))
+    assert study.main(["--quick", "--out", str(tmp_path)]) == 0
+    data = json.loads((tmp_path / study.RESULTS).read_text())
     assert set(data["machine"]) == {"cores", "cpu", "load", "versions"}
     measured = {entry["what"] for entry in data["timings_us"]}
     assert measured >= {"simple", "smart", "local", "search", "search_map", "collect", "update", "ingest"}
     for entry in data["timings_us"]:
         assert 0.0 < entry["low"] <= entry["median"] <= entry["high"]
-
-
-def test_a_table_for_each_of_the_reports(folder: Path) -> None:
-    tables = (folder / study.TABLES).read_text()
-    for heading in [f"Table {index}" for index in range(1, 7)]:
-        assert f"### {heading}:" in tables
+    tables = (tmp_path / study.TABLES).read_text()
+    assert all(f"### Table {index}:" in tables for index in range(1, 7))
 
 
 def test_each_run_is_prepared_and_enough_frames_are_measured() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +13,7 @@ import pytest
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.shapes import Box, Sphere
 from smartmesh_ros.ground.state import BodyState
-from studies.engines.engine import ENGINES, EngineBody, Setup, build, missing
+from studies.engines.engine import ENGINES, EngineBody, Setup, Simulation, build, missing
 
 DT = 1.0 / 240.0
 G = 9.81
@@ -34,6 +35,14 @@ def ball(position: tuple[float, float, float], **state: tuple[float, float, floa
     return EngineBody(shape=Sphere(0.25), mass=2.0, state=BodyState(position=position, **state))
 
 
+def run(scene: Simulation, steps: int, heights: Callable[[float], np.ndarray] | None = None) -> None:
+    """Step an engine, with a map of heights at its time [s] before each step."""
+    for step in range(steps):
+        if heights is not None:
+            scene.set_ground(scene.ready(heights(step * DT)))
+        scene.step()
+
+
 def setup(heights: np.ndarray, *bodies: EngineBody) -> Setup:
     return Setup(heights=heights, resolution=RESOLUTION, bodies=bodies, dt=DT)
 
@@ -45,13 +54,10 @@ def test_bodies_rest_on_the_ground(engine: str) -> None:
     with build(engine, setup(level - 2.0, ball((1.3, 2.9, 1.5)), box)) as scene:
         scene.set_ground(scene.ready(level + 0.5))
         scene.set_ground(scene.ready(level))
-        for _ in range(600):
-            scene.set_ground(scene.ready(level))
-            scene.step()
+        run(scene, 600, lambda _: level)
         settled = scene.positions()
         assert settled[:, 2] == pytest.approx([0.7 + 0.25, 0.7 + 0.15], abs=0.004)
-        for _ in range(120):
-            scene.step()
+        run(scene, 120)
         assert scene.positions() == pytest.approx(settled, abs=0.002)
 
 
@@ -63,8 +69,7 @@ def test_map_lies_where_it_should(engine: str) -> None:
     heights = 0.35 * np.minimum(distance * RESOLUTION, 1.0)
     bodies = [ball((c * RESOLUTION + 0.15, r * RESOLUTION - 0.1, 0.8)) for r, c in pits]
     with build(engine, setup(heights, *bodies)) as scene:
-        for _ in range(1200):
-            scene.step()
+        run(scene, 1200)
         expected = [(c * RESOLUTION, r * RESOLUTION) for r, c in pits]
         assert scene.positions()[:, :2] == pytest.approx(np.array(expected), abs=0.05)  # cells are 0.2 m
 
@@ -74,9 +79,7 @@ def test_map_that_slides_takes_a_ball_in_a_pit_along(engine: str) -> None:
     heights = 0.6 * np.hypot(row - 10, column - 10) * RESOLUTION
     start = ball((2.0, 2.0, 0.3))
     with build(engine, replace(setup(heights, start), slide=(0.5, -0.25))) as scene:
-        for _ in range(480):
-            scene.set_ground(scene.ready(heights))
-            scene.step()
+        run(scene, 480, lambda _: heights)
         x, y, z = scene.positions()[0]
         # The walls hold it within a cell of the bottom; it may go round.
         assert (x, y) == pytest.approx((3.0, 1.5), abs=RESOLUTION)
@@ -91,9 +94,7 @@ def test_only_a_surface_velocity_takes_a_box_on_level_ground_along(engine: str) 
         cases.append(({"surface_velocity": True}, True))
     for options, dragged in cases:
         with build(engine, replace(setup(flat, box), slide=(0.5, 0.0)), **options) as scene:
-            for _ in range(240):
-                scene.set_ground(scene.ready(flat))
-                scene.step()
+            run(scene, 240, lambda _: flat)
             assert scene.velocities()[0, 0] == pytest.approx(0.5 if dragged else 0.0, abs=0.02)
 
 
@@ -104,8 +105,7 @@ def test_friction_is_the_bodies_own(engine: str) -> None:
         rolling = EngineBody(shape=Sphere(0.25), friction=friction, state=BodyState(position=(1.0, 2.0, 0.25)))
         leaning = replace(setup(np.zeros((ROWS, COLUMNS)), rolling), gravity=(lean * G, 0.0, -G))
         with build(engine, leaning, **OPTIONS.get(engine, {})) as scene:
-            for _ in range(round(time / DT)):
-                scene.step()
+            run(scene, round(time / DT))
             velocity, turning = scene.velocities()[0, [0, 4]]
         slips = friction < 2.0 / 7.0 * lean
         assert velocity == pytest.approx(G * time * (lean - friction if slips else 5.0 / 7.0 * lean), rel=0.05)
@@ -118,10 +118,8 @@ def test_ball_stays_on_ground_that_rises(engine: str) -> None:
         pytest.skip("its ground has no velocity, and throws the ball up")
     flat = np.zeros((ROWS, COLUMNS))
     with build(engine, setup(flat, ball((3.0, 2.0, 0.25))), **OPTIONS.get(engine, {})) as scene:
-        for index in range(240):
-            height = 0.5 * math.sin(2.0 * index * DT)
-            scene.set_ground(scene.ready(flat + height))
-            scene.step()
+        run(scene, 240, lambda time: flat + 0.5 * math.sin(2.0 * time))
+        height = 0.5 * math.sin(2.0 * 239 * DT)
         assert scene.positions()[0, 2] == pytest.approx(0.25 + height, abs=0.04)
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from smartmesh_ros.terrain.grid import FloatArray
 from studies.configurations import Configuration
-from studies.engines.engine import Contacts, Simulation
+from studies.engines.engine import Contacts
 from studies.laws import study
 from studies.laws.study import (
     COURSES,
@@ -70,10 +70,11 @@ def test_friction_off_the_slip_is_turned_and_takes_less_power(off: float, share:
     assert found.beyond[0] == pytest.approx(max(share - 1.0, 0.0))
 
 
-def test_a_contact_that_sticks_has_no_direction() -> None:
+def test_a_contact_that_sticks_has_no_direction_and_one_that_hardly_presses_does_not_count() -> None:
     found = contact((0.5 * SLIPS, 0.0, 0.0), (0.1, 0.2, WEIGHT))
     assert np.isnan([found.angles[0], found.used[0], found.dissipated[0]]).all()
     assert found.beyond[0] == 0.0
+    assert contact((1.0, 0.0, 0.0), (0.0, 0.0, 0.9 * PRESSED * WEIGHT)).used.size == 0
 
 
 @pytest.mark.parametrize(
@@ -91,10 +92,6 @@ def test_a_contact_has_a_gap_or_a_force(gap: float, speed: float, press: float, 
     found = contact((0.0, 0.0, speed), (0.0, 0.0, press), gap)
     assert (found.signorini[0], found.depths[0]) == pytest.approx((signorini, depth), abs=1e-12)
     assert found.normal_speeds[0] == pytest.approx(abs(speed))
-
-
-def test_contacts_that_hardly_press_do_not_count() -> None:
-    assert contact((1.0, 0.0, 0.0), (0.0, 0.0, 0.9 * PRESSED * WEIGHT)).used.size == 0
 
 
 def test_what_an_engine_keeps_to_itself_is_what_the_motion_leaves() -> None:
@@ -120,42 +117,25 @@ def configuration(request: pytest.FixtureRequest) -> Configuration:
     return found
 
 
-def contacts_after_step(engine: Simulation) -> Contacts:
-    """Run a step, and return its contacts; skips the test if the engine does not tell them."""
-    engine.step()
-    found = engine.contacts()
-    if found is None:
-        pytest.skip("tells no contacts")
-    return found
-
-
-def test_forces_of_contacts_are_what_changes_the_momentum(configuration: Configuration) -> None:
-    """Of balls that slip, in each step; where an engine tells no friction, along the normal."""
-    scene = TRIALS[0]
-    with entered(configuration, scene) as engine:
+def test_contacts_change_the_momentum_of_their_body_and_move_as_it_does(configuration: Configuration) -> None:
+    """Of balls that slip, in each step: their forces, along the normal where an engine tells no friction; their
+    velocities by the middle and the spin about it. PhysX moves middles by a little more than their speed."""
+    normal = np.array([-math.sin(math.radians(20.0)), 0.0, math.cos(math.radians(20.0))])
+    with entered(configuration, TRIALS[0]) as engine:
         for _ in range(24):
-            before = engine.velocities()
-            found = contacts_after_step(engine)
-            change = (engine.velocities() - before)[:, :3] / DT + (0.0, 0.0, GRAVITY)
+            middles, before = engine.positions(), engine.velocities()
+            engine.step()
+            if (found := engine.contacts()) is None:
+                pytest.skip("tells no contacts")
+            twists = engine.velocities()
+            off = -((twists - before)[:, :3] / DT + (0.0, 0.0, GRAVITY))
             forces = found.normal_forces[:, None] * found.normals_w + np.nan_to_num(found.frictions_w)
-            total = np.zeros_like(change)
-            np.add.at(total, found.bodies, forces)
-            normal = np.array([-math.sin(math.radians(20.0)), 0.0, math.cos(math.radians(20.0))])
-            off = total - change
+            np.add.at(off, found.bodies, forces)
             assert off @ normal == pytest.approx(0.0, abs=0.02)
             if not np.isnan(found.frictions_w).any():
                 assert off == pytest.approx(0.0, abs=0.02)
-
-
-def test_contacts_move_as_their_body_does(configuration: Configuration) -> None:
-    """Balls: with their middle, and by their spin about it. PhysX moves middles by a little more than their speed."""
-    with entered(configuration, TRIALS[0]) as engine:
-        for _ in range(24):
-            middles = engine.positions()
-            found = contacts_after_step(engine)
-            twists = engine.velocities()[found.bodies]
-            wanted = twists[:, :3] + np.cross(twists[:, 3:], found.points_w - middles[found.bodies])
-            assert found.velocities_w == pytest.approx(wanted, abs=1e-3)
+            arms, twists = found.points_w - middles[found.bodies], twists[found.bodies]
+            assert found.velocities_w == pytest.approx(twists[:, :3] + np.cross(twists[:, 3:], arms), abs=1e-3)
 
 
 def test_equal_starts_have_equal_ends(configuration: Configuration) -> None:

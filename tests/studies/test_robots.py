@@ -160,21 +160,18 @@ def test_scenes_have_names_of_their_own_and_all_robots_start_above_the_ground() 
         assert (scene.starts[:, 2] - scene.robot.height >= levels).all(), scene.name
 
 
-def test_what_needs_rescues_or_leaves_the_map_is_marked() -> None:
-    good = Stranger(name="r2d2", moving=False, braked=True, drift=0.001, rescues=0)
-    gone = Stranger(name="r2d2", moving=True, braked=True, drift=math.nan, rescues=0)
-    saved = Stranger(name="r2d2", moving=False, braked=False, drift=0.001, rescues=1)
-    verdicts = study.strangers_table([good, gone, saved]).splitlines()[2:]
-    assert ["**no**" in line for line in verdicts] == [False, True, True]
-
-
 def test_the_study_writes_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What needs rescues or leaves the map is marked."""
     small = replace(robot_scene(ROVER, "maps", 0.25), quick=True, duration=0.5, settle=0.25)
+    good = Stranger(name="r2d2", moving=False, braked=True, drift=0.001, rescues=0)
     monkeypatch.setattr(study, "scenes", lambda: [small])
-    monkeypatch.setattr(study, "run_strangers", lambda *_, **__: [])
+    strangers = [good, good._replace(drift=math.nan), good._replace(rescues=1)]
+    monkeypatch.setattr(study, "run_strangers", lambda *_, **__: strangers)
     assert study.main(["--quick", "--out", str(tmp_path)]) == 0
     for name in ("robots.json", "robot_tables.md", "robot_charts.md", f"images/robots/{small.name}.png"):
         assert (tmp_path / name).stat().st_size > 500, name
+    charts = (tmp_path / "robot_charts.md").read_text().splitlines()
+    assert ["**no**" in line for line in charts if "r2d2" in line] == [False, True, True]
     with pytest.raises(SystemExit, match="2"):
         study.main(["--scenes", "no such scene"])
 

@@ -92,19 +92,14 @@ def test_leaving_out_points_that_cannot_be_nearest_changes_nothing(seed: int, ro
     assert clearances(ground, box, position, orientation, reach=1.0)[0] == pytest.approx(every.min(), abs=1e-12)
 
 
-def test_percentiles_leave_lost_bodies_out_from_when_they_are_lost() -> None:
-    clearance = np.array([[-0.01, -0.02], [-0.01, -0.9], [-0.01, -0.9]])
-    below = np.array([[False, False], [False, True], [False, False]])
-    found = penetration(clearance, below, np.ones_like(below))
-    assert (found.p50, found.most, found.lost, found.bodies) == (pytest.approx(0.01), pytest.approx(0.02), 1, 2)
-
-
-def test_hover_counts_only_what_is_held_up() -> None:
-    clearance = np.array([[0.5, 0.04], [0.5, 0.04]])
-    held = np.array([[False, True], [False, True]])
-    found = penetration(clearance, np.zeros_like(held), held)
+def test_percentiles_leave_lost_bodies_out_from_when_they_are_lost_and_hover_is_of_what_is_held_up() -> None:
+    """The last two are over the map at first only."""
+    clearance = np.array([[-0.01, -0.02, 0.5, 0.04], [-0.01, -0.9, np.nan, np.nan], [-0.01, -0.9, np.nan, np.nan]])
+    below, held = np.zeros((2, 3, 4), bool)
+    below[1, 1], held[:, 3] = True, True
+    found = penetration(clearance, below, held)
+    assert (found.p50, found.most, found.lost, found.bodies) == (pytest.approx(0.01), pytest.approx(0.02), 1, 4)
     assert found.hover == pytest.approx(0.04)
-    assert found.p99 == 0.0
 
 
 def test_a_falling_body_is_not_held_up_and_a_resting_one_is() -> None:

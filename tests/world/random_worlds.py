@@ -4,6 +4,7 @@
 compares both runs to the bit.
 """
 
+import ast
 import hashlib
 import subprocess
 import sys
@@ -186,32 +187,28 @@ class RandomWorld:
 def saved_run(seed: int, file: Path, most: int, more: int) -> tuple[int, str]:
     """Run a world to a random step of at most ``most``, save it, and return the step and the digest of ``more``
     steps."""
-    it = RandomWorld(seed)
-    at = int(np.random.default_rng((seed, 1)).integers(1, most))
-    it.run(0, at)
-    it.world.save(file)
-    digest = it.run(at, at + more)
-    it.world.close()
-    return at, digest
+    it, at = RandomWorld(seed), int(np.random.default_rng((seed, 1)).integers(1, most))
+    with it.world:
+        it.run(0, at)
+        it.world.save(file)
+        return at, it.run(at, at + more)
 
 
-def restored_run(seed: int, file: Path, at: int, more: int) -> str:
-    """Return the digest of a world that goes on from a file."""
-    it = RandomWorld(seed, file)
-    digest = it.run(at, at + more)
-    it.world.close()
-    return digest
+def restored_runs(runs: dict[int, tuple[str, int]], more: int) -> dict[int, str]:
+    """Return the digests of worlds, by their seeds, that go on from files at steps."""
+    found = {}
+    for seed, (file, at) in runs.items():
+        it = RandomWorld(seed, Path(file))
+        with it.world:
+            found[seed] = it.run(at, at + more)
+    return found
 
 
-def digest_elsewhere(seed: int, file: Path, at: int, more: int) -> str:
+def digests_elsewhere(runs: dict[int, tuple[str, int]], more: int) -> dict[int, str]:
     """Return the same from a new process."""
-    code = (
-        "from pathlib import Path; from tests.world.random_worlds import restored_run; "
-        f"print('digest', restored_run({seed}, Path({str(file)!r}), {at}, {more}))"
-    )
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=600)
-    assert told.returncode == 0, told.stderr[-2000:]
-    return told.stdout.split("digest ")[-1].strip()
+    code = f"from tests.world.random_worlds import restored_runs; print('\\n', restored_runs({runs!r}, {more}))"
+    told = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, check=True, timeout=600)
+    return dict(ast.literal_eval(told.stdout.splitlines()[-1].strip()))
 
 
 def main(first: int, count: int) -> int:
@@ -219,15 +216,12 @@ def main(first: int, count: int) -> int:
     different = []
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(first, first + count):
-            file = Path(folder, "state.npz")
-            at, digest = saved_run(seed, file, 600, 1000)
-            if digest_elsewhere(seed, file, at, 1000) != digest:
+            file = f"{folder}/state.npz"
+            at, digest = saved_run(seed, Path(file), 600, 1000)
+            if digests_elsewhere({seed: (file, at)}, 1000) != {seed: digest}:
                 different.append(seed)
                 print(f"seed {seed}, step {at}: different", flush=True)
-    print(
-        f"{count - len(different)} of {count} worlds go on to the bit in a new process; different: {different}",
-        flush=True,
-    )
+    print(f"{count - len(different)} of {count} worlds go on to the bit in a new process; different: {different}")
     return len(different)
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from smartmesh_ros import Base, BaseConfig, BodyState, InputError, World
 from tests import urdfs
-from tests.grounds import level, shaped, world_of
+from tests.grounds import level, said_by, shaped, world_of
 from tests.tracked import UNDERCARRIAGE
 
 RACECAR = str(Path(pybullet_data.getDataPath()) / "racecar" / "racecar.urdf")
@@ -78,35 +78,34 @@ def turned(world: World, steps: int) -> float:
     return yaws[-1] - yaws[0]
 
 
-@pytest.mark.parametrize("speed", [0.8, -0.5])
-@pytest.mark.parametrize("name", ROBOTS)
-def test_it_drives_straight_at_the_commanded_speed_and_its_odometry_says_so(name: str, speed: float) -> None:
-    with standing(name) as (world, base):
-        base.drive(speed, 0.0)
-        world.step(240)
-        before, told = pose(world), base.odometry
-        world.step(480)
-        np.testing.assert_allclose(pose(world) - before, [2.0 * speed, 0.0, 0.0], atol=0.005 * abs(speed))
-        assert base.odometry.x - told.x == pytest.approx(2.0 * speed, rel=0.005)
-        assert base.odometry.linear == pytest.approx(speed, rel=0.005)
-
-
 @pytest.mark.parametrize(
     ("name", "linear", "angular", "bound"),
     [
-        ("cart", 0.0, 1.2, 0.01), ("cart", 0.5, -0.8, 0.01), ("cart", -0.4, 0.8, 0.01),
+        *((name, speed, 0.0, 0.0) for name in ROBOTS for speed in (0.8, -0.5)),
+        ("cart", 0.0, 1.2, 0.01), ("cart", 0.5, -0.8, 0.01), ("cart", -0.4, 0.8, 0.01), ("axle behind", 0.2, 1.0, 0.01),
         ("racecar", 0.8, 1.0, 0.02), ("racecar", -0.5, 0.6, 0.02), ("racecar, all driven", 0.8, -1.0, 0.02),
-        ("racecar, front driven", 0.8, 1.0, 0.03),
-        ("tracks", 0.0, 0.8, 0.04), ("tracks", 0.6, -0.4, 0.04),
+        ("racecar, front driven", 0.8, 1.0, 0.03), ("tracks", 0.0, 0.8, 0.04), ("tracks", 0.6, -0.4, 0.04),
     ],
 )  # fmt: skip
-def test_it_turns_at_the_commanded_rate(name: str, linear: float, angular: float, bound: float) -> None:
+def test_it_moves_as_commanded_and_its_odometry_says_so(name: str, linear: float, angular: float, bound: float) -> None:
+    """A robot whose axle is behind its root link moves that sideways in a turn."""
     with standing(name) as (world, base):
         base.drive(linear, angular)
         world.step(240)
-        told = base.odometry
-        assert turned(world, 480) == pytest.approx(2.0 * angular, rel=bound)
-        assert base.odometry.yaw - told.yaw == pytest.approx(2.0 * angular, rel=0.005)
+        before, then = pose(world), base.odometry
+        assert turned(world, 480) == pytest.approx(2.0 * angular, rel=bound, abs=0.005 * abs(linear))
+        (x, y, yaw), found = pose(world), base.odometry
+        assert found.yaw - then.yaw == pytest.approx(2.0 * angular, rel=0.005, abs=0.001)
+        if not angular:
+            np.testing.assert_allclose([x, y] - before[:2], [2.0 * linear, 0.0], atol=0.005 * abs(linear))
+            assert (found.x - then.x, found.linear) == pytest.approx((2.0 * linear, linear), rel=0.005)
+        if len(base.config.wheels) == 2 and not base.config.steering:  # without slip
+            chord = math.dist((then.x, then.y), (found.x, found.y))
+            assert chord == pytest.approx(math.dist(before[:2], (x, y)), abs=0.04)
+            speed = world.base_state("robot").linear
+            aside = 0.3 * angular if name == "axle behind" else 0.0
+            assert found.side == pytest.approx(aside, rel=0.02, abs=0.01)
+            assert math.cos(yaw) * speed[1] - math.sin(yaw) * speed[0] == pytest.approx(aside, rel=0.02, abs=0.02)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -128,8 +127,7 @@ def test_wheels_behind_one_another_spin_by_the_law_of_friction_so_that_the_base_
 @pytest.mark.parametrize("name", ["cart", "racecar", "tracks"])
 def test_it_stops_when_its_time_is_over_and_says_so(name: str) -> None:
     with standing(name) as (world, base):
-        said: list[str] = []
-        world.say = said.append
+        said = said_by(world)
         base.drive(0.5, 0.0, lasts=0.5)
         world.step(119)
         assert world.base_state("robot").linear[0] == pytest.approx(0.5, abs=0.03)  # the tracked machine rocks
@@ -171,22 +169,6 @@ def test_it_keeps_to_its_limits() -> None:
         assert abs(turned(world, 240)) < 0.01, "a car that stands does not turn"
 
 
-@pytest.mark.parametrize(
-    ("name", "linear", "axle", "steps"), [("cart", 0.5, 0.0, 1200), ("axle behind", 0.2, -0.3, 600)]
-)
-def test_odometry_is_the_path_of_the_root_link_without_slip(name: str, linear: float, axle: float, steps: int) -> None:
-    """Nearly around a circle; also of a robot whose axle is behind its root link, which moves sideways then."""
-    with standing(name) as (world, base):
-        start, told = pose(world), base.odometry
-        base.drive(linear, 1.0)
-        world.step(steps)
-        found, (x, y, yaw), speed = base.odometry, pose(world), world.base_state("robot").linear
-        np.testing.assert_allclose([found.x - told.x, found.y - told.y], [x - start[0], y - start[1]], atol=0.05)
-        aside = -math.sin(yaw) * speed[0] + math.cos(yaw) * speed[1]
-        assert found.side == pytest.approx(-axle, rel=0.02, abs=0.01)
-        assert aside == pytest.approx(-axle, rel=0.02, abs=0.02)
-
-
 def test_it_holds_its_wheels_comes_back_with_its_robot_and_starts_anew_with_the_time() -> None:
     with world_of(shaped(lambda x, y: 0.1 * x, 201), friction=1.0) as world:
         base = Base(world, "robot", BaseConfig(wheels=("left", "right")))
@@ -213,8 +195,7 @@ def test_it_holds_its_wheels_comes_back_with_its_robot_and_starts_anew_with_the_
 
 def test_episodes_begin_without_commands_and_a_reset_leaves_them_their_time() -> None:
     with standing("cart", linear_acceleration=0.5) as (world, base):
-        said: list[str] = []
-        world.say = said.append
+        said = said_by(world)
         states = []
         for _ in range(3):
             world.reset(seed=0)
@@ -278,8 +259,7 @@ def test_settings_that_cannot_be_are_refused(settings: dict[str, object], words:
 )
 def test_what_does_not_fit_the_robot_is_said_once_and_refused(name: str, config: BaseConfig, words: str) -> None:
     with World() as world:
-        said: list[str] = []
-        world.say = said.append
+        said = said_by(world)
         world.spawn_robot("robot", ROBOTS[name][0])
         base = Base(world, "robot", config)
         said.clear()

@@ -54,10 +54,11 @@ def test_the_seed_is_that_of_chance(it: RandomWorld) -> None:
 
 @pytest.mark.parametrize("it", [11], indirect=True)
 def test_without_a_seed_the_terrain_and_commands_stay(it: RandomWorld) -> None:
-    world = it.world
+    world, start = it.world, it.world.state("body_0")
     episode(it, 1)
     ground, commands = world.terrain.tile("").heights.copy(), dict(world.bodies["robot_0"].commands)
     world.reset()
+    assert (world.time, world.state("body_0")) == (0.0, start)
     np.testing.assert_array_equal(world.terrain.tile("").heights, ground)
     assert world.bodies["robot_0"].commands == commands != {}
     world.reset(1)

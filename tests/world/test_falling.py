@@ -9,7 +9,7 @@ from smartmesh_ros import BodyState, HeightMap, Sphere, World, WorldConfig
 from smartmesh_ros.ground.shapes import Box, Shape
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.world.settings import FallConfig
-from tests.grounds import level
+from tests.grounds import level, said_by
 from tests.urdfs import ROVER
 
 SIDE = 2.0  # half the side of the ground [m]
@@ -26,12 +26,6 @@ def holed() -> HeightMap:
 def mesh() -> TriangleMesh:
     corners = [(x, y, 0.0) for x in (-SIDE, SIDE) for y in (-SIDE, SIDE)]
     return TriangleMesh(corners, [[0, 2, 3], [0, 3, 1]])
-
-
-def said_by(world: World) -> list[str]:
-    lines: list[str] = []
-    world.say = lines.append
-    return lines
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,9 @@
-"""Height scans are the ground at the points of their grid, in the layouts that policies were trained with."""
+"""Height scans are the ground at the points of their grid, in the layouts that policies were trained with. Around which
+frames of bodies and robots: tests of the node's topics of scans."""
 
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -8,15 +11,12 @@ import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, HeightScan, HeightScanner, MotionConfig, Sphere, Terrain, World
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.height_scan import LAYOUTS, yaws_of
+from smartmesh_ros.terrain.height_scan import LAYOUTS
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.core import mesh_parts
 from tests.grounds import level
-from tests.urdfs import link, robot
 
 SIDE, RESOLUTION, LOW = 161, 0.05, -4.0
-# A robot whose base link has its centre of mass beside its origin.
-LOPSIDED = robot(link("base", '<box size="0.4 0.3 0.1"/>', 2.0, 0.1, at="0.1 0.05 -0.02"))
 
 
 def wave(time: float, side: int = SIDE) -> np.ndarray:
@@ -97,74 +97,34 @@ def test_a_scan_is_the_ground_at_its_points(ground: str, order: str) -> None:
         np.testing.assert_array_equal(one, found[7:8])
 
 
-def test_a_tracked_body_and_a_robot_are_scanned_around_their_frames(world: World) -> None:
-    world.terrain.tiles[""].replace(wave(0.0, 101), time=0.0)
-    world.spawn_robot("robot", LOPSIDED, turned(0.5, 0.3, 1.0, 0.9))
-    world.track("tracked", 0.2, turned(0.5, 0.3, 1.0, 0.9))
-    base = world.base_state("robot")
-    yaw = float(yaws_of([base.orientation])[0])
-    assert yaw == pytest.approx(0.9, abs=1e-6)
-    assert math.dist(base.position, world.state("robot").position) > 0.1
-    scan = HeightScan(values="clearance")
-    centre = scan.layout[0][1] * scan.layout[1][1] // 2
-    robot, tracked = world.height_scan(["robot", "tracked"], scan)
-    for values, state in ((robot, base), (tracked, world.state("tracked"))):
-        ground = world.ground_at([state.position[:2]]).z[0]
-        assert values[centre] == pytest.approx(state.position[2] - ground, abs=1e-9)
+def above(z: float, hits: np.ndarray, most: float = 1.0) -> np.ndarray:
+    """``mdp.height_scan`` of Isaac Lab; a ray that hits nothing has an infinite hit."""
+    return np.asarray(np.clip(z - np.where(np.isnan(hits), np.inf, hits) - 0.5, -1.0, most))
 
 
-def isaac_lab_points(size: tuple[float, float], resolution: float, ordering: str) -> np.ndarray:
-    """``grid_pattern`` of isaaclab/sensors/ray_caster/patterns/patterns.py, whose torch.meshgrid takes the same
-    indexing as NumPy's."""
-    indexing = ordering if ordering == "xy" else "ij"
-    x = np.arange(-size[0] / 2, size[0] / 2 + 1.0e-9, resolution)
-    y = np.arange(-size[1] / 2, size[1] / 2 + 1.0e-9, resolution)
-    grid_x, grid_y = np.meshgrid(x, y, indexing=indexing)
-    return np.stack([grid_x.flatten(), grid_y.flatten()], axis=-1)
-
-
-def legged_gym_points() -> np.ndarray:
-    """``_init_height_points`` of legged_gym/envs/base/legged_robot.py; torch.meshgrid's indexing is "ij" there."""
-    measured_points_x = [
-        -0.8, -0.7, -0.6, -0.5, -0.4, -0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8,
-    ]  # fmt: skip
-    measured_points_y = [-0.5, -0.4, -0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5]
-    grid_x, grid_y = np.meshgrid(measured_points_x, measured_points_y, indexing="ij")
-    return np.stack([grid_x.flatten(), grid_y.flatten()], axis=-1)
-
-
-def isaac_lab_values(base_z: float, hits_z: np.ndarray) -> np.ndarray:
-    """``mdp.height_scan`` with clip=(-1.0, 1.0); a ray that hits nothing has an infinite hit."""
-    return np.clip(base_z - np.where(np.isnan(hits_z), np.inf, hits_z) - 0.5, -1.0, 1.0)
-
-
-def legged_gym_values(base_z: float, measured_heights: np.ndarray) -> np.ndarray:
+def legged_gym(z: float, heights: np.ndarray) -> np.ndarray:
     """``compute_observations`` with obs_scales.height_measurements = 5."""
-    return np.asarray(np.clip(base_z - 0.5 - measured_heights, -1, 1.0) * 5.0)
+    return np.asarray(np.clip(z - 0.5 - heights, -1, 1.0) * 5.0)
 
 
-@pytest.mark.parametrize(
-    ("layout", "points", "values"),
-    [
-        ("isaac_lab", isaac_lab_points((1.6, 1.0), 0.1, "xy"), isaac_lab_values),
-        (
-            "unitree_rl_lab",
-            isaac_lab_points((1.6, 1.0), 0.1, "xy"),
-            lambda z, hits: np.clip(z - np.where(np.isnan(hits), np.inf, hits) - 0.5, -1.0, 5.0),
-        ),
-        (
-            "unitree_rl_mjlab",
-            isaac_lab_points((1.6, 1.0), 0.1, "xy"),
-            lambda z, hits: np.where(np.isnan(hits), 5.0, z - hits) / 5.0,
-        ),
-        ("legged_gym", legged_gym_points(), legged_gym_values),
-        ("unitree_rl_gym", legged_gym_points(), legged_gym_values),
-    ],
-)
+# The order of the points, as of ``meshgrid``, and the values by the heights of body and ground. The order is that of
+# ``grid_pattern`` of isaaclab/sensors/ray_caster/patterns/patterns.py, and of ``_init_height_points`` of
+# legged_gym/envs/base/legged_robot.py.
+TRAINED: dict[str, tuple[Any, Callable[[float, np.ndarray], np.ndarray]]] = {
+    "isaac_lab": ("xy", above),
+    "unitree_rl_lab": ("xy", partial(above, most=5.0)),
+    "unitree_rl_mjlab": ("xy", lambda z, hits: np.where(np.isnan(hits), 5.0, z - hits) / 5.0),
+    "legged_gym": ("ij", legged_gym),
+    "unitree_rl_gym": ("ij", legged_gym),
+}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("z", [0.4, 0.7, 2.0])
-def test_layouts_are_those_of_the_training(layout: str, points: np.ndarray, values: Any, z: float) -> None:
-    scan = HeightScan.of(layout)
-    assert len(points) == 187
+def test_layouts_are_those_of_the_training(layout: str, z: float) -> None:
+    scan, (order, values) = HeightScan.of(layout), TRAINED[layout]
+    grid = np.meshgrid(np.linspace(-0.8, 0.8, 17), np.linspace(-0.5, 0.5, 11), indexing=order)
+    points = np.stack([axis.ravel() for axis in grid], axis=-1)
     np.testing.assert_allclose(scan.points_b, points, atol=1e-12)
     with World(holed()) as world:
         for name, (x, y) in (("inside", (2.0, 1.5)), ("at the hole", (0.0, -0.6))):
@@ -217,7 +177,8 @@ def test_a_delayed_scan_shows_the_ground_and_the_pose_of_then(steps: int) -> Non
         np.testing.assert_array_equal(delayed.read(), world.height_scan("robot", scan))
 
 
-def test_what_cannot_be_scanned_is_refused(world: World) -> None:
+def test_what_cannot_be_scanned_is_refused_and_without_bodies_or_ground_there_is_nothing(world: World) -> None:
+    """Poses may be any numbers."""
     world.spawn("robot", Sphere(0.1), 1.0)
     with pytest.raises(InputError, match="there is no body 'rover'"):
         world.height_scan(["robot", "rover"], HeightScan())
@@ -226,13 +187,10 @@ def test_what_cannot_be_scanned_is_refused(world: World) -> None:
     for poses in (np.zeros(4), np.zeros((2, 3))):
         with pytest.raises(InputError, match=r"it must be \(n, 4\)"):
             HeightScan().read(world.terrain, poses, 0.0)
-
-
-def test_without_bodies_or_ground_there_is_nothing_and_poses_may_be_any_numbers() -> None:
     ground, scan = level(), HeightScan(size=(0.2, 0.2))
     assert scan.read(ground, [(0, 0, 1, 0)], 0.0).tolist() == [[0.0] * 9]
     assert np.isnan(scan.read(ground, [(np.nan, 2, 1, 0), (2, 2, 1, np.inf), (1e300, -1e300, 0, 0)], 0.0)).all()
-    with World() as world:
-        assert world.height_scan([], HeightScan()).shape == (0, 187)
-        world.spawn("robot", Sphere(0.1), 1.0)
-        assert np.isnan(world.height_scan("robot", HeightScan(size=(0.0, 0.0)))).tolist() == [[True]]
+    assert world.height_scan([], HeightScan()).shape == (0, 187)
+    with World() as bare:
+        bare.spawn("robot", Sphere(0.1), 1.0)
+        assert np.isnan(bare.height_scan("robot", HeightScan(size=(0.0, 0.0)))).tolist() == [[True]]

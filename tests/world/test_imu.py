@@ -1,4 +1,5 @@
-"""An IMU measures what the closed forms say: at rest, in free fall, on heave, on a turntable, on wheels that roll."""
+"""An IMU measures what the closed forms say: at rest, in free fall, on a turntable, on wheels that roll; on ground that
+heaves: test_moving_forces.py."""
 
 from __future__ import annotations
 
@@ -8,21 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from smartmesh_ros import (
-    BodyState,
-    Box,
-    Imu,
-    ImuConfig,
-    ImuReading,
-    InputError,
-    MotionConfig,
-    PhysicsConfig,
-    World,
-    WorldConfig,
-)
+from smartmesh_ros import BodyState, Box, Imu, ImuConfig, ImuReading, InputError, Terrain, World
 from tests import urdfs
 from tests.bodies import rotation
-from tests.grounds import level, shaped, step_on_moving
+from tests.grounds import level, shaped, world_of
 
 GRAVITY = 9.81
 UP = (0.0, 0.0, GRAVITY)
@@ -80,21 +70,6 @@ def test_in_free_fall_it_measures_nothing_and_off_the_centre_the_spin() -> None:
             np.testing.assert_allclose(rates, np.tile([0.0, 0.0, rate], (len(rates), 1)), atol=1e-3)
 
 
-@pytest.mark.parametrize(("maps", "error"), [(60, 0.005), (20, 0.1)])
-def test_on_ground_that_heaves_it_measures_the_acceleration_of_the_ground(maps: int, error: float) -> None:
-    """Of interpolated maps, which are followed one map late: the ground's forces are right in each step."""
-    swing, rate = 0.05, 4.0
-    with World(level(friction=1.0, motion=MotionConfig(mode="interpolate"))) as world:
-        world.spawn("box", Box(0.4, 0.4, 0.2), 1.0, on_ground=True)
-        imu = Imu(world, "box", config=ImuConfig(rate=240.0))
-        step_on_moving(world, lambda time: swing * math.sin(rate * time), 720, every=240 // maps)
-        times, forces, _ = taken(imu)
-        late, delay = times > 1.0, 1.0 / maps + world.dt
-        expected = GRAVITY - swing * rate**2 * np.sin(rate * (times - delay))
-        np.testing.assert_allclose(forces[late, 2], expected[late], atol=error * swing * rate**2)
-        np.testing.assert_allclose(forces[late, :2], 0.0, atol=1e-2)
-
-
 @pytest.mark.parametrize("rate", [100.0, 240.0])
 def test_on_a_turntable_it_measures_the_centripetal_acceleration(rate: float) -> None:
     with World(level(101, friction=1.0)) as world:
@@ -144,7 +119,7 @@ def test_readings_add_up_to_the_motion_impacts_included() -> None:
 
 
 def noisy(config: ImuConfig, steps: int) -> list[ImuReading]:
-    with World(config=WorldConfig(physics=PhysicsConfig(gravity=(0.0, 0.0, 0.0)))) as world:
+    with world_of(Terrain(), gravity=(0.0, 0.0, 0.0)) as world:
         world.spawn("box", Box(0.4, 0.4, 0.2), 1.0)
         imu = Imu(world, "box", config=config)
         world.step(steps)

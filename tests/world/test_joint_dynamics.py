@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smartmesh_ros import BodyState, PhysicsConfig, World, WorldConfig
-from smartmesh_ros.world.joints import JointCommand
+from smartmesh_ros import BodyState, PhysicsConfig, Terrain, World, WorldConfig
+from smartmesh_ros.world.joints import JointCommand, JointReading
+from tests.grounds import said_by, world_of
 from tests.urdfs import joint, link, robot
 
 MOMENT, HIGH = 0.5, BodyState((0.0, 0.0, 5.0))
@@ -25,22 +26,24 @@ def limit(velocity: float, effort: float = 1000.0, lower: float = -1e6, upper: f
 
 
 def weightless(rate: float = 240.0) -> World:
-    return World(config=WorldConfig(physics=PhysicsConfig(gravity=(0.0, 0.0, 0.0), rate=rate)))
+    """A world that tells its user nothing."""
+    world = world_of(Terrain(), gravity=(0.0, 0.0, 0.0), rate=rate)
+    world.say = lambda words: None
+    return world
 
 
-def velocities(
+def moved(
     urdf: str, command: JointCommand, seconds: float = 1.0, speed: float = 0.0, rate: float = 240.0
-) -> list[float]:
-    """The joint's velocity after each step, from ``speed`` on."""
+) -> list[JointReading]:
+    """The joint after each step, from a velocity of ``speed`` on."""
     with weightless(rate) as world:
-        world.say = lambda words: None
         world.spawn_robot("r", urdf, HIGH)
         world.client.resetJointState(world.bodies["r"].uid, 0, 0.0, speed)
         world.command("r", "j", command)
         found = []
         for _ in range(round(seconds * rate)):
             world.step()
-            found.append(world.joints("r")[0].velocity)
+            found += world.joints("r")
         return found
 
 
@@ -51,21 +54,26 @@ def velocities(
     ids=str,
 )
 def test_a_target_moves_a_joint_no_faster_than_its_urdf_allows(kind: str, command: JointCommand) -> None:
-    found = velocities(arm(limit(1.5), kind), command, 0.5)
-    assert max(map(abs, found)) == pytest.approx(1.5, rel=1e-6)
+    found = moved(arm(limit(1.5), kind), command, 0.5)
+    assert max(abs(one.velocity) for one in found) == pytest.approx(1.5, rel=1e-6)
 
 
 @pytest.mark.parametrize(
-    ("more", "command", "speed"),
+    ("kind", "more", "command", "speed"),
     [
-        ("", JointCommand(velocity=30.0), 30.0),
-        ('<limit effort="100" velocity="0"/>', JointCommand(velocity=30.0), 30.0),
-        (limit(1.5), JointCommand(effort=2.0), 2.0 / MOMENT),  # the limit is one of targets
-        (limit(400.0), JointCommand(velocity=300.0), 300.0),  # faster than PyBullet lets it by itself
+        ("continuous", "", JointCommand(velocity=30.0), 30.0),
+        ("continuous", '<limit effort="100" velocity="0"/>', JointCommand(velocity=30.0), 30.0),
+        ("continuous", limit(1.5), JointCommand(effort=2.0), 2.0 / MOMENT),  # the limit is one of targets
+        ("prismatic", limit(1.5), JointCommand(effort=-2.0), -2.0 / MOMENT),
+        ("continuous", limit(400.0), JointCommand(velocity=300.0), 300.0),  # faster than PyBullet lets it by itself
     ],
 )
-def test_without_a_lower_limit_a_joint_is_as_fast_as_it_is_told(more: str, command: JointCommand, speed: float) -> None:
-    assert velocities(arm(more), command)[-1] == pytest.approx(speed, rel=0.01)
+def test_without_a_lower_limit_a_joint_is_as_fast_as_it_is_told(
+    kind: str, more: str, command: JointCommand, speed: float
+) -> None:
+    last = moved(arm(more, kind), command)[-1]
+    assert last.velocity == pytest.approx(speed, rel=0.01)
+    assert command.effort in (None, last.effort)
 
 
 @pytest.mark.parametrize(
@@ -88,11 +96,11 @@ def test_without_a_lower_limit_a_joint_is_as_fast_as_it_is_told(more: str, comma
 def test_friction_hinders_what_drives_a_joint_and_helps_what_stops_it(
     command: JointCommand, speed: float, net: float
 ) -> None:
-    found = velocities(arm(limit(1e3, effort=4.0) + '<dynamics friction="1.0"/>'), command, 0.5, speed)
+    found = moved(arm(limit(1e3, effort=4.0) + '<dynamics friction="1.0"/>'), command, 0.5, speed)[-1].velocity
     change = 0.5 * net / MOMENT
     if command == JointCommand():
         change = -math.copysign(min(abs(change), abs(speed)), speed)
-    assert found[-1] - speed == pytest.approx(change, rel=0.01, abs=0.01)
+    assert found - speed == pytest.approx(change, rel=0.01, abs=0.01)
 
 
 @settings(max_examples=30)
@@ -101,7 +109,8 @@ def test_damping_never_diverges_and_is_exact_where_steps_bear_it(
     log_damping: float, log_moment: float, rate: float
 ) -> None:
     damping, moment = 10.0**log_damping, 10.0**log_moment
-    found = velocities(arm(f'<dynamics damping="{damping}"/>', moment=moment), JointCommand(), 0.2, 1.0, rate)
+    urdf = arm(f'<dynamics damping="{damping}"/>', moment=moment)
+    found = [one.velocity for one in moved(urdf, JointCommand(), 0.2, 1.0, rate)]
     assert all(0.0 <= after <= before for before, after in zip([1.0, *found], found, strict=False))
     if damping / moment < 0.02 * rate:
         assert found[-1] == pytest.approx(math.exp(-damping / moment * 0.2), abs=0.01)
@@ -114,9 +123,8 @@ def test_a_chain_of_light_damped_links_slows_down_at_any_rate() -> None:
     damped = '<dynamics damping="2.0"/>'
     parts = [link(name, "", 0.1, 1e-4, at="0.1 0 0") for name in names[1:]]
     parts += [joint(f"j{k}", "continuous", names[k], names[k + 1], damped, xyz="0.2 0 0") for k in range(count)]
-    said: list[object] = []
     with weightless() as world:
-        world.say = said.append
+        said = said_by(world)
         world.spawn_robot("r", robot(link("base", '<box size="1 1 1"/>', 5.0, 1.0), *parts), HIGH)
         assert "less damping than given" in str(said)
         for rate in (1000.0, 100.0):
@@ -161,9 +169,8 @@ def test_any_link_has_moments_that_a_body_can_have(
     inertia = "<inertia " + " ".join(f'{key}="{value}"' for key, value in numbers) + "/>"
     made = f'<link name="{{}}"><inertial><mass value="2"/>{inertia}</inertial>{{}}</link>'
     ball = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
-    said: list[object] = []
     with weightless() as world:
-        world.say = said.append
+        said = said_by(world)
         world.spawn_robot(
             "r", robot(made.format("base", ball), made.format("tip", ""), joint("j", "continuous", "base", "tip")), HIGH
         )
@@ -175,7 +182,7 @@ def test_any_link_has_moments_that_a_body_can_have(
             low, middle, high = sorted(world.client.getDynamicsInfo(world.bodies["r"].uid, index)[2])
             assert low >= 0.0 and high <= low + middle
             assert high == pytest.approx(max(moments), rel=1e-6) or not any(moments)
-        assert any("base, tip" in str(words) for words in said) == told
+        assert any("base, tip" in words for words in said) == told
 
 
 def test_a_joint_whose_limits_exclude_zero_starts_at_the_nearest_and_so_does_what_mimics_it() -> None:
@@ -187,7 +194,6 @@ def test_a_joint_whose_limits_exclude_zero_starts_at_the_nearest_and_so_does_wha
         joint("k", "prismatic", "base", "down", limit(1.0, lower=-0.9, upper=-0.7)),
     )  # fmt: skip
     with weightless() as world:
-        world.say = lambda words: None
         world.spawn_robot("r", urdf, HIGH)
         world.step(10)
         found = {reading.name: reading.position for reading in world.joints("r")}
@@ -214,9 +220,8 @@ def test_what_has_no_effect_is_told(words: str) -> None:
     of_joint = of_joint if "<limit" in of_joint else limit(1.0) + of_joint
     of_link, whole = ("", element) if element.startswith("<gazebo") else (of_link, "")
     urdf = robot(BASE, link("wheel", "", more=of_link), joint("j", "revolute", "base", "wheel", of_joint), whole)
-    said: list[object] = []
     with weightless() as world:
-        world.say = said.append
+        said = said_by(world)
         world.spawn_robot("r", urdf, HIGH)
     assert said == [f"robot 'r': without effect: {words}"]
 
@@ -225,9 +230,8 @@ TRACK = '<surface_drive name="track" link="base"><axis xyz="0 1 0"/><limit veloc
 
 
 def test_a_velocity_lasts_its_time_unless_it_is_renewed_and_positions_and_efforts_last() -> None:
-    said: list[object] = []
     with weightless() as world:
-        world.say = said.append
+        said = said_by(world)
         world.spawn_robot("r", arm(limit(9.0)).replace("</robot>", f"{TRACK}</robot>"), HIGH)
         for _ in range(4):  # renewed
             for name in ("j", "track"):

@@ -4,6 +4,7 @@ import pytest
 
 from smartmesh_ros import BodyState, World
 from smartmesh_ros.world.joints import JointCommand
+from tests.grounds import said_by
 from tests.urdfs import joint, link, robot
 
 BOX = '<box size="0.4 0.4 0.2"/>'
@@ -18,8 +19,8 @@ def frame(name: str, on: str) -> str:
 
 def spawned(world: World, links: str) -> list[str]:
     """Spawns a robot on the ground; what the user is told."""
-    said: list[str] = []
-    world.say = world.note = said.append
+    said = said_by(world)
+    world.note = world.say
     world.spawn_robot("robot", robot(links), BodyState(), on_ground=True)
     return said
 

@@ -1,4 +1,4 @@
-"""Joints, frames and ground wrenches of robots, against mechanics."""
+"""Frames and ground wrenches of robots, against mechanics; frames of their base links: tests/node/test_robots.py."""
 
 import math
 from pathlib import Path
@@ -8,42 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros import BodyState, Box, InputError, PhysicsConfig, World, WorldConfig
+from smartmesh_ros import BodyState, Box, PhysicsConfig, World, WorldConfig
 from smartmesh_ros.ground.transform import Transform, fixed_to
 from smartmesh_ros.terrain.motion import Changes, MotionConfig
-from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.link_frames import frame_state
 from tests.grounds import level, shaped, step_on_moving, world_of
-from tests.urdfs import ROVER, inertial, joint, link, robot
-
-SLIDE = '<limit lower="-5" upper="5" effort="7" velocity="10"/>'
-PENDULUM = robot(
-    link("base", '<box size="0.1 0.1 0.1"/>', 0.0, 0.0), link("arm", "", 2.0, 0.5), link("cart", "", 3.0, 1.0),
-    joint("hinge", "continuous", "base", "arm", xyz="0 0 0"),
-    joint("slide", "prismatic", "base", "cart", SLIDE, "0 0 0", "1 0 0"),
-)  # fmt: skip
-
-
-def reading(world: World, joint: str) -> tuple[float, float, float]:
-    [found] = [found for found in world.joints("arm") if found.name == joint]
-    return found.position, found.velocity, found.effort
-
-
-def test_a_commanded_effort_accelerates_as_newton_says(world: World) -> None:
-    for fields in ({"position": math.nan}, {"velocity": math.inf}, {"velocity": 1.0, "effort": -1.0}):
-        with pytest.raises(InputError):
-            JointCommand(**fields)
-    world.spawn_robot("arm", PENDULUM, BodyState((0.0, 0.0, 3.0)))
-    world.command("arm", "hinge", JointCommand(effort=0.25))
-    world.command("arm", "slide", JointCommand(effort=-1.5))
-    world.step(120)
-    assert reading(world, "hinge")[1:] == pytest.approx((0.25 / 0.5 * 0.5, 0.25), rel=0.01)
-    assert reading(world, "slide")[1:] == pytest.approx((-1.5 / 3.0 * 0.5, -1.5), rel=0.01)
-    world.command("arm", "hinge", JointCommand())
-    before = reading(world, "hinge")[1]
-    world.step(60)
-    assert reading(world, "hinge")[1:] == pytest.approx((before, 0.0), rel=1e-3), "free: no effort, and no brake"
-
+from tests.urdfs import inertial, joint, link, robot
 
 UNIT = st.floats(-1.0, 1.0)
 VECTOR = st.tuples(UNIT, UNIT, UNIT)
@@ -65,18 +35,6 @@ def test_base_frame_and_centre_of_mass_are_one_rigid_body(p, q, v, w, offset, tu
     arm = np.subtract(centre.position, p)
     assert np.subtract(centre.linear, v) @ arm == pytest.approx(0.0, abs=1e-9), "rigid: no speed along the arm"
     assert np.subtract(centre.linear, v) @ w == pytest.approx(0.0, abs=1e-9)
-
-
-def test_the_frame_of_a_spawned_robot_is_pybullets(world: World) -> None:
-    """PyBullet's own word for where links are: an arm fixed to the base at its origin lies at the base's frame."""
-    world.spawn_robot("rover", ROVER, BodyState((1.0, 2.0, 3.0), (0.0, 0.0, math.sin(0.4), math.cos(0.4))))
-    body = world.bodies["rover"]
-    frame = world.base_state("rover")
-    wheel = world.client.getLinkState(body.uid, body.joints["front_left"])[4]
-    x, y = 0.3, 0.25  # of the joint, in the URDF
-    cos, sin = math.cos(0.8), math.sin(0.8)
-    expected = (wheel[0] - (x * cos - y * sin), wheel[1] - (x * sin + y * cos), wheel[2])
-    assert frame.position == pytest.approx(expected, abs=1e-6)
 
 
 def test_on_a_slope_the_ground_carries_the_weight_and_no_more() -> None:

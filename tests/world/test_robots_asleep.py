@@ -47,12 +47,6 @@ def stand(world: World, name: str, made: Robot, x: float) -> None:
         world.command(name, joint, JointCommand(position=angle + (0.02 if index % 3 else -0.02)))
 
 
-def drive_husky(world: World, command: JointCommand) -> None:
-    world.spawn_robot("husky", HUSKY, BodyState(), on_ground=True)
-    for joint in world.bodies["husky"].joints:
-        world.command("husky", joint, command)
-
-
 def poses(world: World, name: str) -> FloatArray:
     """Poses of all links of a robot by PyBullet (n, 7), also of those without a shape."""
     client, uid = world.client, world.bodies[name].uid
@@ -109,29 +103,36 @@ def test_robots_stand_and_sleep_for_a_minute() -> None:
         require_still(world)
 
 
-def test_a_rover_drives_brakes_and_sleeps_for_a_minute() -> None:
+def test_a_rover_drives_brakes_and_sleeps_for_a_minute_unless_its_joints_are_driven() -> None:
     """It drives for 2 s at 0.5 m/s, along x."""
     with row_world(1) as world:
-        drive_husky(world, JointCommand(velocity=0.5 / WHEEL))
-        world.step(2 * RATE)
+        world.spawn_robot("husky", HUSKY, BodyState(), on_ground=True)
+
+        def drive(command: JointCommand, seconds: float = 0.0) -> float:
+            """Command all joints; returns how far it goes [m]."""
+            start = world.state("husky").position
+            for joint in world.bodies["husky"].joints:
+                world.command("husky", joint, command)
+            world.step(round(seconds * RATE))
+            return math.dist(start, world.state("husky").position)
+
+        assert drive(JointCommand(velocity=0.5 / WHEEL), 2.0) == pytest.approx(1.0, abs=0.1)
         assert not world.is_asleep("husky")
-        assert world.state("husky").position[0] == pytest.approx(1.0, abs=0.1)
-        for joint in world.bodies["husky"].joints:
-            world.command("husky", joint, JointCommand(velocity=0.0))
+        drive(JointCommand(velocity=0.0))
         sleep_all(world)
         assert len(world.ground.contacts.core.find_asleep()) == len(world.followers), "it sleeps whole"
         require_still(world)
         sleep_all(world)
-        first, *_ = joints = list(world.bodies["husky"].joints)
-        world.command("husky", first, JointCommand(velocity=0.0))
-        assert world.is_asleep("husky"), "the same command again is none"
-        start = world.state("husky").position
-        for joint in joints:
-            world.command("husky", joint, JointCommand(velocity=4.0))
-        assert not world.is_asleep("husky")
-        world.step(RATE)
-        assert math.dist(start, world.state("husky").position) > 0.1
+        drive(JointCommand(velocity=0.0))
+        assert world.is_asleep("husky"), "the same commands again are none"
+        assert drive(JointCommand(velocity=4.0), 1.0) > 0.1
         assert not world.is_asleep("husky"), "a robot whose joints are driven never sleeps"
+        # PyBullet would sum up the efforts of all steps that it sleeps, and apply them at once as it wakes.
+        drive(JointCommand(velocity=0.0), 4.0)
+        drive(JointCommand(effort=1e-3), 4.0)
+        assert not world.is_asleep("husky")
+        world.wake()
+        assert drive(JointCommand(effort=1e-3), 0.5) < 0.01
 
 
 def test_robots_of_pybullets_data_sleep() -> None:
@@ -161,15 +162,3 @@ def test_a_robot_without_a_shape_of_its_root_is_noticed_if_it_moves_asleep() -> 
         assert not world.is_asleep("solo")
         sleep_all(world)
         assert world.state("solo").position[2] == pytest.approx(robot("solo").height, abs=0.02)
-
-
-def test_joints_that_are_driven_by_an_effort_keep_a_robot_awake() -> None:
-    """PyBullet would sum up the efforts of all steps that it sleeps, and apply them at once as it wakes."""
-    with row_world(1) as world:
-        drive_husky(world, JointCommand(effort=1e-3))
-        world.step(4 * RATE)
-        assert not world.is_asleep("husky")
-        start = world.state("husky").position
-        world.wake()
-        world.step(RATE // 2)
-        assert math.dist(start, world.state("husky").position) < 0.01

@@ -98,34 +98,28 @@ def test_it_moves_with_the_ground() -> None:
 
 
 @pytest.mark.parametrize(
-    ("place", "words"), [((4.0, 4.0), "no ground at"), ((7.9, 2.0), "no ground at"), ((50.0, 0.0), "beside the map")]
-)
-def test_over_holes_and_beside_the_map_it_is_refused(place: tuple[float, float], words: str) -> None:
+    ("place", "words"),
+    [
+        ((4.0, 4.0), "no ground at"), ((7.9, 2.0), "no ground at"), ((50.0, 0.0), "beside the map"),
+        (None, "there is no terrain yet; ask again after the first map"),  # as of a question about the ground
+    ],
+)  # fmt: skip
+def test_over_holes_beside_the_map_and_without_one_it_is_refused(place: tuple[float, float] | None, words: str) -> None:
     heights = np.zeros((81, 81))
     heights[38:42, 38:42] = np.nan
-    with World(HeightMap(heights, resolution=0.1)) as world:
-        before = world.client.getNumBodies()
+    ground = Terrain() if place is None else HeightMap(heights, resolution=0.1)
+    state = BodyState((*(place or (0.0, 0.0)), 1.0))
+    with World(ground) as world:
         for spawn in (
-            lambda state: world.spawn("body", Box(0.6, 0.6, 0.6), 1.0, state, on_ground=True),
-            lambda state: world.spawn_robot("body", ROVER, state, on_ground=True, align=True),
+            lambda: world.spawn("body", Box(0.6, 0.6, 0.6), 1.0, state, on_ground=True),
+            lambda: world.spawn_robot("body", ROVER, state, on_ground=True, align=True),
+            lambda: finished(world.stance_of("body", prepare_robot(ROVER), state)),
         ):
-            with pytest.raises(InputError, match=words):
-                spawn(BodyState((*place, 1.0)))
-        assert not world.bodies and world.client.getNumBodies() == before
-        with pytest.raises(InputError, match="clearance"):
-            world.spawn("body", Sphere(0.1), 1.0, BodyState((2.0, 2.0, 0.0)), on_ground=True, clearance=-1.0)
-        world.spawn("body", Sphere(0.1), 1.0, BodyState((2.0, 2.0, 0.0)), on_ground=True)
-
-
-def test_without_terrain_it_is_refused() -> None:
-    """In the words of a question about the ground: there is no hole, there is no map yet."""
-    with World(Terrain()) as world:
-        for spawn in (
-            lambda: world.spawn("body", Sphere(0.1), 1.0, on_ground=True),
-            lambda: world.spawn_robot("body", ROVER, on_ground=True, align=True),
-            lambda: finished(world.stance_of("body", prepare_robot(ROVER), BodyState())),
-        ):
-            with pytest.raises(InputError, match="there is no terrain yet; ask again after the first map") as caught:
+            with pytest.raises(InputError, match=words) as caught:
                 spawn()
-            assert caught.value.reason == "no_map"
+            assert (caught.value.reason == "no_map") == (place is None)
         assert not world.bodies and not world.client.getNumBodies()
+        if place is not None:
+            with pytest.raises(InputError, match="clearance"):
+                world.spawn("body", Sphere(0.1), 1.0, BodyState((2.0, 2.0, 0.0)), on_ground=True, clearance=-1.0)
+            world.spawn("body", Sphere(0.1), 1.0, BodyState((2.0, 2.0, 0.0)), on_ground=True)

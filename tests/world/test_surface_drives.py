@@ -10,6 +10,7 @@ import pybullet as pb
 import pytest
 
 from smartmesh_ros import BodyState, Box, Ground, InputError, Sphere, World
+from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Belt
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.robots.prepared import prepare_robot
@@ -54,21 +55,6 @@ def test_a_command_beyond_the_limit_drives_at_the_limit_about_the_axis_of_the_fr
             ("left_track", 1.5, 1.5),
             ("right_track", 1.5, 1.5),
         ]
-
-
-def test_it_sleeps_only_while_its_tracks_stand_still() -> None:
-    with standing(slope(), sleep=True) as world:
-        world.step(480)
-        assert world.is_asleep(NAME)
-        drive(world, 0.0, 0.0)
-        world.step()
-        assert world.is_asleep(NAME), "nothing changed"
-        drive(world, 0.5, 0.5)
-        world.step(240)
-        assert speed(world) == pytest.approx(0.5, rel=0.01)
-        drive(world, 0.0, 0.0)
-        world.step(720)
-        assert world.is_asleep(NAME)
 
 
 @pytest.fixture
@@ -187,13 +173,18 @@ def test_in_a_pybullet_world_of_ones_own(ground: Ground, client: Any) -> None:
     assert not any(follower.belt.speed for follower in ground.followers)
 
 
-def test_a_command_wakes_a_body_that_sleeps_in_pybullet_and_one_that_creeps_does_not_sleep(
-    ground: Ground, client: Any
+@pytest.mark.parametrize("by_pybullet", [False, True])
+def test_a_command_wakes_what_sleeps_and_what_creeps_does_not_sleep(
+    ground: Ground, client: Any, by_pybullet: bool
 ) -> None:
-    client.changeDynamics(0, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
+    if by_pybullet:
+        client.changeDynamics(0, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
+    else:
+        ground.let_sleep(SleepConfig())
     speed_after(ground, client, 1200)
-    for speed_ in (0.3, 0.02):
+    for speed_ in (0.0, 0.3, 0.02, 0.0):
+        before = ground.is_asleep(0)
         ground.drive(0, -1, (0.0, 1.0, 0.0), speed_)
+        assert speed_ or ground.is_asleep(0) == before, "nothing changed"
         assert speed_after(ground, client, 960) == pytest.approx(speed_, rel=0.01)
-    ground.drive(0, -1, (0.0, 1.0, 0.0), 0.0)
-    assert speed_after(ground, client, 960) == 0.0, "it sleeps again"
+        assert by_pybullet or ground.is_asleep(0) == (speed_ == 0.0)

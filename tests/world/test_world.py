@@ -54,23 +54,6 @@ def test_impossible_physics_is_refused() -> None:
             PhysicsConfig(**bad)  # type: ignore[arg-type]
 
 
-def test_tracked_bodies_report_depth_and_normal_of_their_contact() -> None:
-    slope = 0.5
-    with World(shaped(lambda x, y: slope * x)) as world:
-        normal = np.array([-slope, 0.0, 1.0]) / math.hypot(slope, 1.0)
-        for depth in (0.05, 0.25, 0.35):  # touching, deep, and with the centre below the surface
-            world.track("probe", 0.3, BodyState(tuple((0.3 - depth) * normal + np.array([0.0, 0.013, 0.0]))))
-            world.update()
-            [contact] = world.contacts()
-            assert contact.depth == pytest.approx(depth, abs=1e-5)
-            np.testing.assert_allclose(contact.normal, normal, atol=1e-5)
-            assert contact.position[2] == pytest.approx(slope * contact.position[0], abs=1e-5)
-            assert math.isnan(contact.normal_force)
-        world.track("probe", 0.3, BodyState((0.0, 0.0, 0.5)))
-        world.update()
-        assert world.contacts() == []
-
-
 def test_a_tracked_body_that_is_not_heard_of_goes_no_farther(world: World) -> None:
     """However long its time-out is: its last velocity says nothing about so much later."""
     tracking = Tracking(world, timeout=60.0)
@@ -85,15 +68,6 @@ def test_a_tracked_body_that_is_not_heard_of_goes_no_farther(world: World) -> No
     tracking.update("rover", 0.3, BodyState((1.0, 0.0, 0.3), linear=(0.5, 0.0, 0.0)), 12.0)
     world.step(24)
     assert world.state("rover").position[0] == pytest.approx(1.05, abs=0.005)
-
-
-def test_reset_puts_bodies_back_and_the_time_to_zero(world: World) -> None:
-    start = BodyState((0.0, 0.0, 1.0), linear=(1.0, 0.0, 0.0))
-    world.spawn("ball", Sphere(0.2), 1.0, start)
-    world.step(100)
-    world.reset()
-    assert world.time == 0.0
-    assert world.state("ball") == start
 
 
 def test_bodies_ride_on_the_ground_although_steps_are_skipped() -> None:

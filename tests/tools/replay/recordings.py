@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pybullet_data
 from geometry_msgs.msg import PoseArray, PoseStamped, TransformStamped, Twist, Vector3
 from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
@@ -28,13 +27,13 @@ from smartmesh_ros.tools.replay.bag import Bag
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import bags, floats, heightmap_message, mesh_message, pose_message
 from tests.grid_maps import grid_map_message
+from tests.urdfs import HUSKY
 
 Message = tuple[str, float, Any]
 BEGIN = 1_700_000_000.0  # time of the recorder at the start [s]
 SIDE, CELL = 41, 0.1  # of the maps [samples], [m]; their middle is at the origin
 ORIGIN = (-0.5 * (SIDE - 1) * CELL, -0.5 * (SIDE - 1) * CELL, 0.0)
 X, Y = np.meshgrid(ORIGIN[0] + CELL * np.arange(SIDE), ORIGIN[1] + CELL * np.arange(SIDE))
-HUSKY = str(Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf")
 WHEELS = [f"{place}_wheel" for place in ("front_left", "front_right", "rear_left", "rear_right")]
 TRACKS = ["left_track", "right_track"]
 SHAPES = ("{shape: sphere, size: [0.12]", "{shape: box, size: [0.3, 0.2, 0.15]", "{shape: capsule, size: [0.2, 0.1]")

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from smartmesh_ros.tools.tune.case import Case
 from smartmesh_ros.tools.tune.chart import draw
 from smartmesh_ros.tools.tune.figures import Figures, excess, limits_of
-from smartmesh_ros.tools.tune.grid import GRID, KNOWN, SAME_PENETRATION, best, front, settings_to_try
+from smartmesh_ros.tools.tune.grid import KNOWN, SAME_PENETRATION, best, front
 from smartmesh_ros.tools.tune.report import Result, binding, closing_lines, parameter_file
 from tests.examples import examples
 
@@ -28,27 +28,19 @@ def result(asked: dict[str, float], *tried: Figures) -> Result:
     return Result(CASE, asked, [BASE, *(replace(one, values=OTHER) for one in tried)])
 
 
-def test_what_is_better_is_chosen_and_said() -> None:
+def test_what_is_better_is_chosen_and_a_limit_that_binds_is_named() -> None:
+    """Also one that nobody asked for, with its value, and all that bind only together."""
     found = result({}, figures(cost=0.1))
     assert found.keeps and found.changed == {"physics.rate": 120.0}
-    said = "\n".join(closing_lines(found))
+    said, text = "\n".join(closing_lines(found)), parameter_file(found)
     assert "Kept." in said and "0.50 times the cost" in said and "Changed: physics.rate 120.0." in said
-    text = parameter_file(found)
     assert "physics.rate (default 240.0)" in text and "-r '~/heightmap:=/maps'" in text
-
-
-def test_a_limit_that_nobody_asked_for_is_named_with_its_value() -> None:
     found = result({"cost": 0.1}, figures(cost=0.09, hover=6e-3), figures(cost=0.5))
     said = "\n".join(closing_lines(found))
     assert not found.keeps and "NOT POSSIBLE" in parameter_file(found)
-    assert "Not possible here: cost at most 0.1 of a core" in said
     assert "cost 0.2 of a core (at most 0.1 of a core, as asked)" in said, "the defaults are nearest"
     assert "What binds is the limit of cost" in said or "What binds is the limit of hover" in said
-
-
-def test_limits_that_bind_only_together_are_all_named() -> None:
-    limits = limits_of({"cost": 0.1}, BASE)
-    both = figures(cost=0.05, hover=5e-3, deviation=0.5)
+    limits, both = limits_of({"cost": 0.1}, BASE), figures(cost=0.05, hover=5e-3, deviation=0.5)
     assert binding([both, figures(cost=0.5, hover=9e-3, lost=2)], limits) == ("hover", "deviation")
     assert binding([both, figures(cost=0.05, deviation=0.03)], limits) == ("deviation",)
 
@@ -58,12 +50,6 @@ def test_the_chart_shows_what_was_tried(tmp_path: Path) -> None:
     axes = draw(tmp_path / "chart.png", result({"cost": 0.3}, *tried))
     dots = {line.get_label(): len(line.get_xdata()) for line in axes.get_lines()}
     assert (dots["tried"], dots["defaults"], dots["chosen"]) == (3, 1, 1), "but what could not be measured"
-
-
-def test_the_users_settings_are_tried_beside_the_grid() -> None:
-    size = math.prod(map(len, GRID.values()))
-    assert len(settings_to_try({})) == len(settings_to_try({"physics.rate": 120.0, "bodies.timeout": 5.0})) == size
-    assert settings_to_try({"physics.rate": 100})[-1] == {**KNOWN, "physics.rate": 100.0}
 
 
 COSTS = st.floats(1e-3, 10.0)

@@ -37,10 +37,15 @@ def server() -> Iterator[Any]:
     stop_server(made)
 
 
+def give(ground: Ground, message: Any, topic: str = "heightmap") -> None:
+    """A message, or its bytes."""
+    ground.take(topic, message if isinstance(message, bytes) else serialize_message(message))
+    ground.apply_waiting()
+
+
 def ground_of(heights: np.ndarray, **options: object) -> Ground:
     ground = Ground()
-    ground.take("heightmap", serialize_message(heightmap_message(heights, **options)))
-    ground.apply_waiting()
+    give(ground, heightmap_message(heights, **options))
     return ground
 
 
@@ -73,19 +78,16 @@ def test_a_click_meets_the_nearest_body_on_its_way() -> None:
 def test_regions_are_written_into_the_map_and_a_new_map_replaces_them() -> None:
     ground = ground_of(np.zeros((6, 8)))
     region = HeightmapUpdate(x=2, y=1, width=3, height=2, heights=floats(np.ones((2, 3), np.float32)))
-    ground.take("heightmap_update", serialize_message(region))
-    ground.apply_waiting()
+    give(ground, region, "heightmap_update")
     expected = np.zeros((6, 8))
     expected[1:3, 2:5] = 1.0
     assert np.array_equal(ground.tiles[""].heights, expected)
     ground.take("heightmap_update", serialize_message(region))
-    ground.take("heightmap", serialize_message(heightmap_message(np.full((6, 8), 2.0))))
-    ground.apply_waiting()
+    give(ground, heightmap_message(np.full((6, 8), 2.0)))
     assert (ground.tiles[""].heights == 2.0).all()
     for spoilt in (b"", b"\0\1\0\0" + bytes(40), serialize_message(region)[:-4]):
-        ground.take("heightmap_update", spoilt)
-        ground.take("heightmap", spoilt)
-        ground.apply_waiting()
+        give(ground, spoilt, "heightmap_update")
+        give(ground, spoilt)
     assert (ground.tiles[""].heights == 2.0).all(), "what makes no sense changes nothing"
 
 
@@ -106,16 +108,13 @@ def test_ruts_are_coloured_while_that_is_asked_for(server: Any, topic: str) -> N
         return {name.rpartition("/")[2] for name in drawn if name.startswith("/sunk/")} & {d.name for d in Depth}
 
     assert colours(sunk=True) == set()
-    rut = HeightmapUpdate(x=5, y=10, width=20, height=3, heights=floats(np.full(60, 2.98)))
-    ground.take(topic, serialize_message(rut))
-    ground.apply_waiting()
+    give(ground, HeightmapUpdate(x=5, y=10, width=20, height=3, heights=floats(np.full(60, 2.98))), topic)
     assert colours(sunk=True) == {"DEEP"}
     mesh = drawn["/sunk/terrain/map/DEEP"]
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     assert np.allclose([low[:2], high[:2]], [[0.4, 0.9], [2.5, 1.3]], atol=1e-5), "to the first samples beside it"
     assert colours(sunk=False) == set()
-    ground.take("heightmap", serialize_message(heightmap_message(np.full((40, 40), 3.0), resolution=0.1)))
-    ground.apply_waiting()
+    give(ground, heightmap_message(np.full((40, 40), 3.0), resolution=0.1))
     assert colours(sunk=True) == set()
 
 
@@ -126,9 +125,7 @@ def test_ground_of_another_material_than_usual_is_coloured_where_it_lies(server:
 
     def coloured(x: float = 0.0, **material: Any) -> dict[str, tuple[float, float]]:
         """Names of the colours, and from where to where along x [m]."""
-        message = heightmap_message(np.zeros((40, 40)), resolution=0.1, origin=(x, 0.0, 0.0), **material)
-        ground.take("heightmap", serialize_message(message))
-        ground.apply_waiting()
+        give(ground, heightmap_message(np.zeros((40, 40)), resolution=0.1, origin=(x, 0.0, 0.0), **material))
         scene.show(ground, np.zeros((0, 3)), np.zeros(0), [])
         bands = [*(("grip", band) for band in Grip), *(("give", band) for band in Give)]
         names = {band.name: drawn.get(f"/{kind}/terrain/map/{band.name}") for kind, band in bands}
@@ -175,8 +172,7 @@ def test_the_tiles_of_a_deck_are_drawn_and_clicked_where_its_odometry_says(serve
     ground, sight = ground_of(np.zeros((11, 11)), resolution=1.0), Sight()
     ground.frames = sight.bases
     message = heightmap_message(np.zeros((5, 5)), resolution=0.5, origin=(-1.0, -1.0, 0.25), tile="ferry/roof")
-    ground.take("heightmap", serialize_message(message))
-    ground.apply_waiting()
+    give(ground, message)
     scene, drawn = TerrainScene(server.scene, period=0.0), server.scene._handle_from_node_name
     eye, down = np.array([[4.0, 5.0, 9.0]]), np.array([[0.0, 0.0, -1.0]])
     for height in (2.0, 3.0):
@@ -187,14 +183,10 @@ def test_the_tiles_of_a_deck_are_drawn_and_clicked_where_its_odometry_says(serve
         frame, mesh = drawn["/decks/ferry"], drawn["/decks/ferry/terrain/ferry/roof"]
         assert frame.position == pytest.approx([4.0, 5.0, height])
         assert frame.wxyz == pytest.approx([math.cos(0.15), 0.0, 0.0, math.sin(0.15)])
-        corners = np.asarray(mesh.vertices, float)
-        assert (corners.min(axis=0), corners.max(axis=0)) == (
-            pytest.approx([-1.0, -1.0, 0.25]),
-            pytest.approx([1.0, 1.0, 0.25]),
-        )
+        low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        np.testing.assert_allclose([low, high], [[-1.0, -1.0, 0.25], [1.0, 1.0, 0.25]], atol=1e-5)
         assert ground.distances(eye, down) == pytest.approx(9.0 - height - 0.25)
-    assert set(drawn) >= {"/terrain/map"}
-    assert "/terrain/ferry/roof" not in drawn
+    assert "/terrain/map" in drawn and "/terrain/ferry/roof" not in drawn
 
 
 URDF = '<robot name="r"><link name="b"><visual><geometry><box size="1 1 0.4"/></geometry></visual></link></robot>'

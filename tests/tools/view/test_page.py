@@ -4,6 +4,7 @@ import colorsys
 import io
 import math
 import re
+import signal
 from collections.abc import Iterator
 from typing import Any
 
@@ -17,6 +18,7 @@ from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process
 from smartmesh_ros.tools.view.looks import BODY_COLOURS, PatchLook
 from tests.node import shared
 
+CELL, SIDE = 0.1, 12.0  # of the map [m]: flat where x < 0, small waves where x > 0
 WIDTH, HEIGHT = 860, 560
 CAMERA, LOOK_AT = np.array([0.0, -5.0, 7.0]), np.array([0.0, 0.0, 0.0])
 FIELD_OF_VIEW = math.radians(75.0)
@@ -25,8 +27,46 @@ FEWER_FRAMES = """
 window.requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 250);
 window.cancelAnimationFrame = clearTimeout;
 """
+PURPLE, ORANGE = BODY_COLOURS[BodyDescription.BOX], PatchLook.SAMPLES.colour  # of boxes, and of patches of samples
 # Where boxes stand: on flat ground, and on waves. Far from both there is only ground.
 FLAT, WAVES, BARE = (-2.0, 0.0), (1.5, 0.0), (-1.0, 2.5)
+
+
+@pytest.fixture(scope="module")
+def probe(domain: int) -> Iterator[Probe]:
+    """A probe of a node."""
+    with Probe() as made, made.running("terrain_collider", {"physics.sleep": False}):
+        yield made
+
+
+@pytest.fixture(scope="module")
+def url(probe: Probe) -> Iterator[str]:
+    """The address of a view of that node, which has a map."""
+    x = np.linspace(-SIDE / 2, SIDE / 2, round(SIDE / CELL) + 1)
+    heights = np.tile(np.where(x > 0.5, 0.05 * np.sin(8.0 * x), 0.0), (len(x), 1))
+    with Process("view", arguments=["--port", "0"]) as view:
+        maps = probe.publishers["heightmap"]
+        probe.wait_for(lambda: "shown at" in view.output and maps.get_subscription_count() == 2, watch=view)
+        probe.publish_map(heights, resolution=CELL, origin=(-SIDE / 2, -SIDE / 2, 0.0))
+        [address] = re.findall(r"shown at (\S+)", view.output)
+        yield address
+        assert view.stop(signal.SIGINT) == 0, view.output
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """A Chromium without a window."""
+    pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    from scripts.browser import FLAGS, VARIABLE, find_browser
+
+    path = find_browser()
+    if path is None:
+        pytest.skip(f"no Chromium is installed (Debian: apt install chromium), and {VARIABLE} names none")
+    with playwright.sync_playwright() as driver:
+        running = driver.chromium.launch(executable_path=path, args=list(FLAGS))
+        yield running
+        running.close()
 
 
 def open_page(browser: Any, url: str) -> Any:
@@ -38,10 +78,8 @@ def open_page(browser: Any, url: str) -> Any:
 
 
 @pytest.fixture(scope="module")
-def page(shown: tuple[Probe, Process], browser: Any) -> Iterator[Any]:
+def page(browser: Any, url: str) -> Iterator[Any]:
     """The page, looking down on the two places from a known camera."""
-    _, view = shown
-    [url] = re.findall(r"shown at (\S+)", view.output)
     place, target = (",".join(f"{value:g}" for value in vector) for vector in (CAMERA, LOOK_AT))
     opened = open_page(browser, f"{url}/?initialCameraPosition={place}&initialCameraLookAt={target}")
     opened.set_default_timeout(1000 * TIMEOUT)
@@ -67,13 +105,17 @@ def hues(page: Any) -> np.ndarray:
     return np.where(saturation > 60, hue * 360.0 / 255.0, np.nan)
 
 
+def like(picture: np.ndarray, colour: tuple[int, int, int]) -> int:
+    """Pixels of about a colour's hue."""
+    hue = 360.0 * colorsys.rgb_to_hsv(*(value / 255.0 for value in colour))[0]
+    return int((np.abs((picture - hue + 180.0) % 360.0 - 180.0) < 12.0).sum())
+
+
 def count(picture: np.ndarray, colour: tuple[int, int, int], points: Any, margin: int = 4) -> int:
     """Pixels of about a colour's hue in the rectangle that holds points (n, 3) [m]."""
     places = np.array([pixel(point) for point in np.reshape(points, (-1, 3))])
     (left, top), (right, bottom) = places.min(axis=0) - margin, places.max(axis=0) + margin
-    hue = 360.0 * colorsys.rgb_to_hsv(*(value / 255.0 for value in colour))[0]
-    away = np.abs((picture[top:bottom, left:right] - hue + 180.0) % 360.0 - 180.0)
-    return int((away < 12.0).sum())
+    return like(picture[top:bottom, left:right], colour)
 
 
 def spawn(probe: Probe, name: str, xy: tuple[float, float]) -> None:
@@ -109,35 +151,32 @@ def wait(probe: Probe, page: Any, condition: Any) -> Any:
     return probe.wait_for(holds)
 
 
-def test_patches_and_bodies_are_drawn_where_the_node_says(shown: tuple[Probe, Process], page: Any) -> None:
-    probe, _ = shown
+def test_patches_and_bodies_are_drawn_where_the_node_says(probe: Probe, page: Any) -> None:
     spawn(probe, "flat", FLAT)
     spawn(probe, "waves", WAVES)
     names = ("flat", "waves")
-    purple, orange = BODY_COLOURS[BodyDescription.BOX], PatchLook.SAMPLES.colour
     for name in names:
         wait(probe, page, lambda name=name: patch(probe, name)[0] == ColliderPatch.HEIGHTFIELD)
     corners = {name: patch(probe, name)[1] for name in names}
 
     def drawn(colours: np.ndarray) -> bool:
-        patches = all(count(colours, orange, corners[name]) > 30 for name in names)
-        return patches and all(count(colours, purple, position(probe, name), margin=8) > 30 for name in names)
+        patches = all(count(colours, ORANGE, corners[name]) > 30 for name in names)
+        return patches and all(count(colours, PURPLE, position(probe, name), margin=8) > 30 for name in names)
 
     seen = wait(probe, page, lambda: [p] if drawn(p := hues(page)) else [])[0]
-    for colour in (purple, orange):
+    for colour in (PURPLE, ORANGE):
         assert count(seen, colour, (*BARE, 0.15), margin=40) == 0, "bare ground"
     with shared.changed(probe, {"physics.sleep": True}):
-        wait(probe, page, lambda: all(count(hues(page), purple, position(probe, name), margin=8) < 5 for name in names))
-    wait(probe, page, lambda: all(count(hues(page), purple, position(probe, name), margin=8) > 30 for name in names))
+        wait(probe, page, lambda: all(count(hues(page), PURPLE, position(probe, name), margin=8) < 5 for name in names))
+    wait(probe, page, lambda: all(count(hues(page), PURPLE, position(probe, name), margin=8) > 30 for name in names))
     spawn(probe, "later", BARE)
     place = position(probe, "later")
-    wait(probe, page, lambda: count(hues(page), purple, place, margin=20) > 30)
+    wait(probe, page, lambda: count(hues(page), PURPLE, place, margin=20) > 30)
     assert probe.call("remove_body", RemoveBody, id="later").success
-    wait(probe, page, lambda: count(hues(page), purple, (*BARE, 0.15), margin=40) == 0)
+    wait(probe, page, lambda: count(hues(page), PURPLE, (*BARE, 0.15), margin=40) == 0)
 
 
-def test_the_button_pauses_the_node_and_lets_it_go_on(shown: tuple[Probe, Process], page: Any) -> None:
-    probe, _ = shown
+def test_the_button_pauses_the_node_and_lets_it_go_on(probe: Probe, page: Any) -> None:
     page.get_by_role("button", name="Pause").click()
     wait(probe, page, lambda: probe.diagnostics("physics")["paused"] == "True")
     page.get_by_role("button", name="Continue").click()
@@ -145,8 +184,7 @@ def test_the_button_pauses_the_node_and_lets_it_go_on(shown: tuple[Probe, Proces
     page.get_by_role("button", name="Pause").wait_for()
 
 
-def test_a_click_tells_the_name_of_a_body_and_its_patch(shown: tuple[Probe, Process], page: Any) -> None:
-    probe, _ = shown
+def test_a_click_tells_the_name_of_a_body_and_its_patch(probe: Probe, page: Any) -> None:
     page.mouse.click(*pixel(position(probe, "flat")))
     page.get_by_text("triangles of ground in reach").wait_for()
     page.get_by_text("flat").first.wait_for()
@@ -154,8 +192,7 @@ def test_a_click_tells_the_name_of_a_body_and_its_patch(shown: tuple[Probe, Proc
     page.get_by_text("waves").first.wait_for()
 
 
-def test_a_click_spawns_a_ball_where_it_met_the_ground(shown: tuple[Probe, Process], page: Any) -> None:
-    probe, _ = shown
+def test_a_click_spawns_a_ball_where_it_met_the_ground(probe: Probe, page: Any) -> None:
     page.locator("input[value='shows what it is']").first.click()
     page.get_by_role("option", name="spawns a ball").click()
     page.mouse.click(*pixel((*BARE, 0.0)))
@@ -164,8 +201,7 @@ def test_a_click_spawns_a_ball_where_it_met_the_ground(shown: tuple[Probe, Proce
     assert probe.call("remove_body", RemoveBody, id="ball_1").success
 
 
-def test_a_slider_sets_a_parameter_and_a_refusal_says_why(shown: tuple[Probe, Process], page: Any) -> None:
-    probe, _ = shown
+def test_a_slider_sets_a_parameter_and_a_refusal_says_why(probe: Probe, page: Any) -> None:
     before = parameter(probe, "physics.friction")
     page.get_by_role("tab", name="Parameters").click()
     row(page, "friction").get_by_role("slider").focus()
@@ -178,23 +214,16 @@ def test_a_slider_sets_a_parameter_and_a_refusal_says_why(shown: tuple[Probe, Pr
     assert parameter(probe, "physics.gravity") == [0.0, 0.0, -9.81]
 
 
-def test_a_page_opens_with_the_bodies_in_sight(shown: tuple[Probe, Process], browser: Any, page: Any) -> None:
+def test_a_page_opens_with_the_bodies_in_sight(probe: Probe, url: str, browser: Any, page: Any) -> None:
     """Also one that opens when bodies have gone elsewhere."""
-    probe, view = shown
-    [url] = re.findall(r"shown at (\S+)", view.output)
     for name in ("flat", "waves"):
         probe.call("remove_body", RemoveBody, id=name)
     for corner in ((5.0, 5.0), (-5.0, 5.0)):
         spawn(probe, "corner", corner)
         position(probe, "corner")
         opened = open_page(browser, url)
-        hue = 360.0 * colorsys.rgb_to_hsv(*(value / 255.0 for value in BODY_COLOURS[BodyDescription.BOX]))[0]
-
-        def seen(opened: Any = opened, hue: float = hue) -> bool:
-            beside_the_panel = hues(opened)[:, : WIDTH - 340]
-            return int((np.abs(beside_the_panel - hue) < 12.0).sum()) > 300
-
-        wait(probe, opened, seen)
+        # Beside the panel.
+        wait(probe, opened, lambda opened=opened: like(hues(opened)[:, : WIDTH - 340], PURPLE) > 300)
         opened.close()
         assert probe.call("remove_body", RemoveBody, id="corner").success
 
