@@ -110,7 +110,7 @@ def test_ruts_are_coloured_while_that_is_asked_for(server: Any, topic: str) -> N
     ground.take(topic, serialize_message(rut))
     ground.apply_waiting()
     assert colours(sunk=True) == {"DEEP"}
-    mesh = drawn["/sunk/terrain/map/DEEP"]
+    mesh = drawn["/sunk/terrain/tile_/DEEP"]
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     assert np.allclose([low[:2], high[:2]], [[0.4, 0.9], [2.5, 1.3]], atol=1e-5), "to the first samples beside it"
     assert colours(sunk=False) == set()
@@ -131,7 +131,7 @@ def test_ground_of_another_material_than_usual_is_coloured_where_it_lies(server:
         ground.apply_waiting()
         scene.show(ground, np.zeros((0, 3)), np.zeros(0), [])
         bands = [*(("grip", band) for band in Grip), *(("give", band) for band in Give)]
-        names = {band.name: drawn.get(f"/{kind}/terrain/map/{band.name}") for kind, band in bands}
+        names = {band.name: drawn.get(f"/{kind}/terrain/tile_/{band.name}") for kind, band in bands}
         along = {name: mesh.vertices[:, 0] for name, mesh in names.items() if mesh is not None}
         return {name: (pytest.approx(x.min(), abs=1e-5), pytest.approx(x.max(), abs=1e-5)) for name, x in along.items()}
 
@@ -164,7 +164,7 @@ def test_no_ground_is_drawn_over_a_patch_that_has_moved_since_the_map(server: An
             angular_w=np.zeros(3), vertices_w=vertices, triangles=np.zeros((0, 3), np.uint32),
         )  # fmt: skip
         scene.show(ground, np.array([[1.2, 2.0, 0.1]]), np.array([0.2]), [patch])
-        mesh = drawn["/terrain/map"]
+        mesh = drawn["/terrain/tile_"]
         found = {tuple(np.rint(10.0 * v[:2]).astype(int)): v[2] for v in np.asarray(mesh.vertices, float)}
         for k in range(49):
             assert found[(columns[k], rows[k])] == pytest.approx(vertices[k, 2], abs=1e-5)
@@ -184,7 +184,7 @@ def test_the_tiles_of_a_deck_are_drawn_and_clicked_where_its_odometry_says(serve
         place.pose.pose = pose_message((4.0, 5.0, height), yaw=0.3)
         sight.take("odometry", serialize_message(place))
         scene.show(ground, np.array([[4.0, 5.0, height]]), np.array([0.2]), [])
-        frame, mesh = drawn["/decks/ferry"], drawn["/decks/ferry/terrain/ferry/roof"]
+        frame, mesh = drawn["/decks/ferry"], drawn["/decks/ferry/terrain/tile_ferry%2Froof"]
         assert frame.position == pytest.approx([4.0, 5.0, height])
         assert frame.wxyz == pytest.approx([math.cos(0.15), 0.0, 0.0, math.sin(0.15)])
         corners = np.asarray(mesh.vertices, float)
@@ -193,8 +193,20 @@ def test_the_tiles_of_a_deck_are_drawn_and_clicked_where_its_odometry_says(serve
             pytest.approx([1.0, 1.0, 0.25]),
         )
         assert ground.distances(eye, down) == pytest.approx(9.0 - height - 0.25)
-    assert set(drawn) >= {"/terrain/map"}
-    assert "/terrain/ferry/roof" not in drawn
+    assert set(drawn) >= {"/terrain/tile_"}
+    assert "/terrain/tile_ferry%2Froof" not in drawn
+
+
+def test_a_tile_is_drawn_whatever_the_names_of_others_and_stays_when_they_go(server: Any) -> None:
+    ground, scene, drawn = Ground(), TerrainScene(server.scene), server.scene._handle_from_node_name
+    names = ["", "map", "a", "a/b", "a%2Fb", "a/b/c"]
+    for gone in ("", *names):
+        for name in names:
+            message = heightmap_message(np.zeros((0, 0)) if name == gone else np.zeros((5, 5)), tile=name)
+            ground.take("heightmap", serialize_message(message))
+        ground.apply_waiting()
+        scene.show(ground, np.zeros((0, 3)), np.zeros(0), [])
+        assert sum(path.startswith("/terrain/") for path in drawn) == len(names) - 1
 
 
 URDF = '<robot name="r"><link name="b"><visual><geometry><box size="1 1 0.4"/></geometry></visual></link></robot>'
