@@ -2,6 +2,8 @@
 
 import asyncio
 import math
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,8 +16,9 @@ from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.client.patch import Patch
-from smartmesh_ros.tools.testing import floats, heightmap_message, pose_message
+from smartmesh_ros.tools.testing import TIMEOUT, Process, floats, heightmap_message, pose_message
 from tests.examples import examples
 
 pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")
@@ -24,7 +27,7 @@ import trimesh
 
 from smartmesh_ros.tools.client.ground import Ground
 from smartmesh_ros.tools.client.sight import Pose, Sight
-from smartmesh_ros.tools.view.page import Page, start_server, stop_server
+from smartmesh_ros.tools.view.page import Page, start_server, stop_server, url_of
 from smartmesh_ros.tools.view.robots import GAP, Robot
 from smartmesh_ros.tools.view.scene import Scene
 from smartmesh_ros.tools.view.terrain_scene import Depth, Give, Grip, TerrainScene, triangles_by_band
@@ -256,3 +259,34 @@ def test_a_page_is_refreshed_by_the_thread_that_sends_it(server: Any, monkeypatc
     monkeypatch.setattr(Page, "_refresh", refresh)
     page.refresh()
     assert loops == [server.get_event_loop()]
+
+
+@pytest.mark.parametrize("host", ["203.0.113.1", "nowhere.invalid"])
+def test_a_host_that_is_not_this_machine_is_refused(host: str) -> None:
+    """viser would wait forever."""
+    with pytest.raises(InputError, match=f"cannot listen on '{host}': .* name an address of this machine"):
+        start_server(host, 0)
+
+
+def test_addresses_are_those_of_a_browser() -> None:
+    assert url_of("0.0.0.0", 8080) == url_of("::", 8080) == "http://localhost:8080"
+    assert url_of("::1", 8080) == "http://[::1]:8080"
+
+
+def test_a_view_of_a_node_needs_no_matplotlib() -> None:
+    code = "import sys; sys.modules['matplotlib'] = None; from smartmesh_ros.tools.view import main, page"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=TIMEOUT)
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [
+        ("--rate", "0", "'0' is no number from 1"),
+        ("--port", "99999", "is no whole number"),
+        ("--node", "a b", "full name"),
+    ],
+)
+def test_an_option_that_means_nothing_is_named(option: str, value: str, words: str, domain: int) -> None:
+    with Process("view", arguments=["--port", "0", option, value]) as view:
+        assert view.process.wait(TIMEOUT) in (1, 2)
+        assert words in view.output and "Traceback" not in view.output
