@@ -18,6 +18,7 @@ from smartmesh_msgs.srv import QueryGround
 
 from smartmesh_ros.node.running import run
 from smartmesh_ros.node.timing.pacing import Pacer
+from smartmesh_ros.startup.dds import isolated_unless_chosen, require_domain
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, assert_cannot_start, executable
 from tests.node.shared import wait_until
 from tests.node.test_faults import on_map
@@ -58,6 +59,16 @@ def test_a_signal_ends_a_program_and_the_nodes_that_it_started(
         assert process.stop(number) == code, process.output
         assert "Traceback" not in process.output
         wait_until(lambda: all(has_ended(child.pid) for child in children))
+
+
+def test_ctrl_c_ends_a_view_whose_demo_starts(domain: int) -> None:
+    """The terminal ends the demo's nodes, too, for whose map the view would wait in vain."""
+    with Process("view", arguments=["--demo", "--port", "0"]) as process:
+        wait_until(lambda: "starting" in process.output)
+        for child in psutil.Process(process.process.pid).children(recursive=True):
+            child.terminate()  # as SIGINT, but before Python runs it says nothing
+        assert process.stop(signal.SIGINT) == 0, process.output
+        assert "Traceback" not in process.output
 
 
 @pytest.mark.parametrize(
@@ -111,6 +122,25 @@ def test_a_domain_that_does_not_exist_is_named(name: str, number: str) -> None:
     assert_cannot_start(
         {}, f"ROS_DOMAIN_ID is '{number}'; it must be", name=name, environment={"ROS_DOMAIN_ID": number}
     )
+
+
+def test_a_domain_may_be_written_as_rcl_reads_it(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    for text, number in (("007", 7), ("010", 8), ("0x1f", 31), ("08", None)):
+        monkeypatch.setenv("ROS_DOMAIN_ID", text)
+        with pytest.raises(SystemExit) if number is None else contextlib.nullcontext():
+            require_domain()
+            with isolated_unless_chosen() as chosen:
+                assert chosen == number
+
+
+def test_a_node_runs_with_its_standard_streams_closed(probe: Probe) -> None:
+    command = 'exec "$0" >&- 2>&- <&-'
+    with subprocess.Popen(["sh", "-c", command, str(executable("terrain_collider"))]) as process:
+        try:
+            probe.wait_for(lambda: process.poll() is not None or probe.connected())
+        finally:
+            process.send_signal(signal.SIGINT)
+    assert process.returncode == 0
 
 
 def test_a_node_counts_no_deadlines_while_it_starts(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
