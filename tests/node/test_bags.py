@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from grid_map_msgs.msg import GridMap
 from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
@@ -54,3 +55,8 @@ def test_the_shipped_bag_of_an_elevation_mapper_is_taken_and_after_a_reset_again
         play(2.0)
         probe.wait_for(on_last_map)
         assert probe.diagnostics("inputs")[refused] == before
+
+
+def test_a_topic_that_nobody_subscribes_to_is_named(probe: Probe) -> None:
+    with pytest.raises(AssertionError, match=r"nobody subscribes to /.* after 0.5 s; remap renames topics"):
+        bags.play(MAPPER, probe.node, probe.spin, timeout=0.5)
