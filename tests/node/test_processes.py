@@ -5,6 +5,7 @@ import gc
 import resource
 import signal
 import subprocess
+import sys
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -59,6 +60,16 @@ def test_a_signal_ends_a_program_and_the_nodes_that_it_started(
         assert process.stop(number) == code, process.output
         assert "Traceback" not in process.output
         wait_until(lambda: all(has_ended(child.pid) for child in children))
+
+
+def test_the_rover_imports_matplotlib_before_signals_raise_errors() -> None:
+    """Ctrl-C at the start was now and then an ImportError or a RuntimeError of Matplotlib's."""
+    code = (
+        "import sys; from smartmesh_ros.tools.demo import rover; "
+        "rover.spin = lambda *_: print('matplotlib.cbook' in sys.modules); rover.main([])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, timeout=TIMEOUT, check=True)
+    assert done.stdout == "True\n"
 
 
 def test_ctrl_c_ends_a_view_whose_demo_starts(domain: int) -> None:
