@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentTypeError
+import re
+from argparse import ArgumentParser, ArgumentTypeError
 from collections.abc import Callable
 from contextlib import suppress
+from typing import Any
+
+
+class Parser(ArgumentParser):
+    """A parser that takes -3e-16 for a number. Python's takes it for an option."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._negative_number_matcher = re.compile(r"-(\d+\.?|\d*\.\d+)([eE][-+]?\d+)?$")
 
 
 def number(kind: type[int] | type[float], low: float, high: float) -> Callable[[str], float]:

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import tracemalloc
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
@@ -17,7 +18,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.startup.executables import STARTED_BY_NAME
 from smartmesh_ros.tools.client import command
 from smartmesh_ros.tools.client.remote import Remote, colliders
-from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, heightmap_message
 from tests.node.shared import position_of, show_map, wait_until
 from tests.urdfs import link, mesh, robot
 
@@ -150,6 +151,21 @@ def test_a_node_is_named_or_those_that_run_are(shared: Probe, remote: Remote) ->
             options.act(command.Caller(other, 0.2), options)
     assert f"there is no node /terrain_collider in DDS domain {os.environ['ROS_DOMAIN_ID']}" in str(missing.value)
     assert f"running: {shared.collider}" in str(missing.value)
+
+
+def test_negative_numbers_are_no_options() -> None:
+    parse = command.parser().parse_args
+    assert parse(["spawn", "ball", "--sphere", "0.1", "--at", "-3.1e-16", "-2.", "--z", "-1E3"]).at == [-3.1e-16, -2.0]
+    assert parse(["param", "physics.friction", "-1e-6"]).value == "-1e-6"
+
+
+def test_of_a_large_message_only_what_is_printed_is_copied() -> None:
+    message = heightmap_message(np.zeros((1000, 1000)))
+    tracemalloc.start()
+    shown = command.plain(message)["heights"]
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert shown == [0.0] * 12 + ["... 999988 more"] and most < 100_000
 
 
 def test_options_that_mean_nothing_are_named() -> None:

@@ -34,7 +34,7 @@ from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 from smartmesh_ros.errors import InputError, suggestion
 from smartmesh_ros.node.parameters.helping import own_arguments
 from smartmesh_ros.node.running import Stop, init
-from smartmesh_ros.startup.arguments import number
+from smartmesh_ros.startup.arguments import Parser, number
 from smartmesh_ros.startup.dds import use_large_message_profile
 from smartmesh_ros.startup.executables import STARTED_BY_NAME
 from smartmesh_ros.tools.client.parameters import parameter_from
@@ -162,7 +162,7 @@ def plain(value: Any) -> Any:
         return value
     if isinstance(value, bytes):
         return list(value)
-    items = [plain(item.item() if hasattr(item, "item") else item) for item in list(value)[:MOST_PRINTED]]
+    items = [plain(item.item() if hasattr(item, "item") else item) for item in value[:MOST_PRINTED]]
     return items if len(value) <= MOST_PRINTED else [*items, f"... {len(value) - MOST_PRINTED} more"]
 
 
@@ -227,9 +227,7 @@ def say(service: str, **fields: Any) -> Callable[[Caller, argparse.Namespace], s
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    made = argparse.ArgumentParser(
-        "smartmesh", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    made = Parser("smartmesh", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     made.add_argument("--node", default="/terrain_collider", help="full name of the node (%(default)s)")
     patience = number(float, 0.0, math.inf)
     made.add_argument("--timeout", type=patience, default=10.0, help="longest wait for it [s] (%(default)s)")
