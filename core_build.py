@@ -33,11 +33,16 @@ class MissingError(SystemExit):
 
 def bullet_sources() -> Path:
     """Return the folder with Bullet's src/ and examples/, of PyBullet's source package; downloads it the first time."""
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "smartmesh_ros"
-    folder = cache / f"pybullet-{PYBULLET}"
-    if folder.is_dir():
-        return folder
-    cache.mkdir(parents=True, exist_ok=True)
+    try:
+        cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "smartmesh_ros"
+        folder = cache / f"pybullet-{PYBULLET}"
+        if folder.is_dir():
+            return folder
+        cache.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError) as error:  # RuntimeError: no home
+        raise MissingError(
+            f"smartmesh_ros: there is no folder for Bullet's headers ({error}); set XDG_CACHE_HOME to one"
+        ) from None
     print(
         f"smartmesh_ros: downloading the source package of PyBullet {PYBULLET} for its headers (80 MB, once)",
         flush=True,
@@ -54,8 +59,9 @@ def bullet_sources() -> Path:
                 f"({reason}). Connect once, or unpack that package's src/ and examples/ into {folder}"
             )
         with tarfile.open(archives[0]) as archive:
+            archive.extraction_filter = getattr(tarfile, "data_filter", None)  # Python has it since 3.11.4
             sources = [item for item in archive if Path(item.name).suffix in (".h", ".cpp")]
-            archive.extractall(made, members=sources, filter="data")
+            archive.extractall(made, members=sources)
         Path(made, sources[0].name.partition("/")[0]).rename(folder)
     return folder
 

@@ -106,6 +106,16 @@ def test_a_file_that_does_not_exist_ends_the_launch_with_its_path(launch: Launch
     assert "preset" not in arguments or {*str(error.value).rpartition(" are ")[2].split(", ")} == {*presets}
 
 
+def test_a_tilde_is_the_home_in_every_path(launch: Launch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A shell leaves it in dds:=~/mine.xml."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    for name in ("mine.xml", "mine.yaml"):
+        (tmp_path / name).touch()
+    profile, _ = launch.of("SetEnvironmentVariable", dds="~/mine.xml")
+    assert profile.args[1] == str(tmp_path / "mine.xml")
+    assert str(tmp_path / "mine.yaml") in launch.of("Node", config="~/mine.yaml")[0].kwargs["parameters"]
+
+
 def test_an_argument_that_means_nothing_ends_the_launch(
     launch: Launch, fleet: Launch, stand_ins: dict[str, type[Recorded]]
 ) -> None:

@@ -34,15 +34,17 @@ def load(path: str | Path, config: RasterConfig | None = None, max_samples: int 
         if path.suffix.lower() in GEOREFERENCED:
             return _georeferenced(path, config, max_samples)
         values = _array(path, max_samples) if path.suffix.lower() == ".npy" else _image(path, max_samples)
-    except (OSError, ValueError, EOFError) as error:
-        if isinstance(error, InputError):
-            raise
+    except InputError:
+        raise
+    except Exception as error:  # noqa: BLE001  # the libraries' errors of spoilt files have no common base
         raise InputError("file", f"{path} cannot be read: {error}") from None
     return from_image(values, config)
 
 
 def _array(path: Path, max_samples: int) -> NDArray[Any]:
     mapped = np.load(path, mmap_mode="r", allow_pickle=False)
+    if not isinstance(mapped, np.ndarray):
+        raise InputError("type", f"{path} is an archive of arrays, as of numpy.savez; write one array by numpy.save")
     _require_size(path, mapped.shape, max_samples)
     if mapped.dtype.kind not in "fiu":
         raise InputError("type", f"{path} holds {mapped.dtype}; heights must be real numbers")
@@ -108,7 +110,8 @@ def _georeferenced(path: Path, config: RasterConfig, max_samples: int) -> Raster
             masked = source.read(band, masked=True)
             place, crs = np.array(source.transform[:6], np.float64), source.crs
             points = source.gcps[0] or source.rpcs
-    values = masked.astype(np.float32).filled(np.nan)
+    with np.errstate(over="ignore"):  # a no-data value may be the lowest of float64
+        values = masked.astype(np.float32).filled(np.nan)
     if np.array_equal(place, NO_PLACE):
         if crs is not None or points:
             raise InputError(

@@ -7,10 +7,11 @@ nodes.
 from __future__ import annotations
 
 import os
+import re
 import socket
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
@@ -53,14 +54,17 @@ FIRST_PORT, PORTS = 7400, 250
 LOCK_PORT = 24700
 
 
+def domain_of(text: str) -> int:
+    """Return the number of a domain as rcl reads it, which takes 010 for 8. Raises `ValueError` if it is no number."""
+    return int(text, 8 if re.fullmatch("0[0-7]+", text) else 0)
+
+
 def require_domain() -> None:
     """Exit if ``ROS_DOMAIN_ID`` is no domain, with the reason, which neither rcl nor Fast DDS gives."""
     given = os.environ.get(DOMAIN, "")
-    try:
-        if not given or 0 <= int(given, 0) <= HIGHEST_DOMAIN:
+    with suppress(ValueError):
+        if not given or 0 <= domain_of(given) <= HIGHEST_DOMAIN:
             return
-    except ValueError:
-        pass
     print(f"cannot start: {DOMAIN} is {given!r}; it must be a number from 0 to {HIGHEST_DOMAIN}", file=sys.stderr)
     sys.exit(2)
 
@@ -90,7 +94,7 @@ def isolated_unless_chosen() -> Iterator[int]:
     if os.environ.get(DOMAIN):
         os.environ.setdefault(DISCOVERY, "LOCALHOST")
         print(f"DDS domain {os.environ[DOMAIN]}, from {DOMAIN}", flush=True)
-        yield int(os.environ[DOMAIN])
+        yield domain_of(os.environ[DOMAIN])
         return
     with isolated() as number:
         print(f"DDS domain {number}, a free one; to watch, set {DOMAIN}={number} and {DISCOVERY}=LOCALHOST", flush=True)

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from importlib.util import find_spec
+from io import TextIOWrapper
 from pathlib import Path
 
 # If set to 1, ROS logs to standard output, which is then not silenced.
@@ -19,12 +20,21 @@ LOGS_TO_STDOUT = "RCUTILS_LOGGING_USE_STDOUT"
 STDOUT, STDERR = 1, 2
 
 
+def prepare_streams() -> None:
+    """Open those standard streams that the parent closed, and print characters that the encoding lacks as escapes."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open(mode))  # noqa: SIM115  # has the lowest free number: the stream's
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
+
+
 def silence_pybullet() -> None:
     """Discard what C++ code prints to standard output; Python still prints there. Then import PyBullet quietly. Call
     this before the first import of PyBullet, which prints its build time to standard error."""
     if os.environ.get(LOGS_TO_STDOUT, "0") != "1":
         sys.stdout.flush()
-        sys.stdout = os.fdopen(os.dup(STDOUT), "w", buffering=1)
+        sys.stdout = os.fdopen(os.dup(STDOUT), "w", buffering=1, errors="backslashreplace")
         with Path(os.devnull).open("w") as nowhere:
             os.dup2(nowhere.fileno(), STDOUT)
     import_pybullet_quietly()
@@ -79,6 +89,7 @@ def _exit_on_signals() -> None:
 def _start(module: str, before: Callable[[], None] | None = silence_pybullet) -> None:
     """Run ``main`` of a module, which may import PyBullet after the call of ``before``, and exit with its result."""
     _exit_on_signals()
+    prepare_streams()
     if before is not None:
         before()
     try:

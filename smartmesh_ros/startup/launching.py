@@ -209,9 +209,10 @@ def _arguments(preset: str = "") -> list[Any]:
 def _settings_of_dds(value: Values) -> list[Any]:
     if not value("dds"):
         return []
-    if not Path(value("dds")).is_file():
-        raise FileNotFoundError(f"there is no file {value('dds')} of Fast DDS settings; name one, or set dds:=''")
-    return [SetEnvironmentVariable(VARIABLE, value("dds")), SetEnvironmentVariable(POLICY_VARIABLE, "1")]
+    file = Path(value("dds")).expanduser()
+    if not file.is_file():
+        raise FileNotFoundError(f"there is no file {file} of Fast DDS settings; name one, or set dds:=''")
+    return [SetEnvironmentVariable(VARIABLE, str(file)), SetEnvironmentVariable(POLICY_VARIABLE, "1")]
 
 
 def _collider(value: Values, files: Sequence[Any], remappings: Sequence[tuple[str, str]], **more: Any) -> Any:

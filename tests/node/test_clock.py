@@ -1,6 +1,7 @@
 """``/clock`` over DDS: published by the node, followed by the node, and never both."""
 
 from itertools import count
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,13 +10,14 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
-from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
+from smartmesh_msgs.msg import Heightmap, TrackedBody, TrackedBodyArray
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros import BodyState, Sphere
+from smartmesh_ros.tools.demo.terrain_source import TerrainSource
 from smartmesh_ros.tools.testing import COLLIDER, Probe, heightmap_message
 from smartmesh_ros.world.joints import JointCommand
-from tests.node.shared import Fed, Log, Logged, changed, fed, on_level, seconds, spawn, transform_message
+from tests.node.shared import Fed, Log, Logged, changed, fed, made_with, on_level, seconds, spawn, transform_message
 from tests.urdfs import joint, link, robot
 
 HEIGHT, GRAVITY, STEP = 1000.0, 9.81, 1 / 240
@@ -258,3 +260,16 @@ def test_an_overloaded_node_goes_on_by_its_policy(now: list[float]) -> None:
         assert node.world.time == pytest.approx(now[0] - 1000.0, abs=4.0 * STEP)
         assert node.world.state("ball").position[0] == pytest.approx(node.world.time / 3.0, rel=0.05)
         assert node.node.pacer.misses > 0
+
+
+def test_a_source_begins_with_the_clock_and_shows_a_whole_map_when_it_goes_back(domain: int) -> None:
+    """A rut as long as all years since 1970 would need 127 GiB."""
+    with made_with(TerrainSource, {"scene": "rut", "mode": "regions", "use_sim_time": True}) as node:
+        published = list[Any]()
+        for name in ("_maps", "_regions"):
+            setattr(node, name, SimpleNamespace(publish=published.append, get_subscription_count=lambda: 0))
+        for time in (1.7e9, 1.7e9 + 2.0, 1.7e9 + 1.0, 10.0, 11.0, 17.0):
+            node._time_source.clock_callback(Clock(clock=stamp_of(time)))
+            node._tick()
+    whole = [isinstance(message, Heightmap) for message in published]
+    assert whole == [True, False, True, True, False, True]

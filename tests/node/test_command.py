@@ -2,6 +2,8 @@
 
 import os
 import subprocess
+import sys
+import tracemalloc
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
@@ -16,11 +18,12 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.startup.executables import STARTED_BY_NAME
 from smartmesh_ros.tools.client import command
 from smartmesh_ros.tools.client.remote import Remote, colliders
-from smartmesh_ros.tools.testing import Probe, Process
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, heightmap_message
 from tests.node.shared import position_of, show_map, wait_until
 from tests.urdfs import link, mesh, robot
 
 Command = Callable[..., str]
+COMMAND = Path(get_package_prefix("smartmesh_ros")) / "bin" / "smartmesh"
 
 
 @pytest.fixture(scope="module")
@@ -50,8 +53,7 @@ def smartmesh(remote: Remote, capfd: pytest.CaptureFixture[str]) -> Command:
 
 def whole(*words: str) -> str:
     """What the command prints, or what it ends with."""
-    path = Path(get_package_prefix("smartmesh_ros")) / "bin" / "smartmesh"
-    result = subprocess.run([path, *words], capture_output=True, text=True, timeout=120, check=False)
+    result = subprocess.run([COMMAND, *words], capture_output=True, text=True, timeout=120, check=False)
     return result.stderr if result.returncode else result.stdout.strip()
 
 
@@ -93,7 +95,7 @@ def test_what_is_refused_is_told(shared: Probe, smartmesh: Command, tmp_path: Pa
     show_map(shared, np.zeros((60, 60)))
     assert "there is no body 'nobody'" in smartmesh("remove", "nobody")
     assert "beside the map" in smartmesh("spawn", "far", "--sphere", "0.3", "--at", "500", "0")
-    assert "no URDF file that can be read" in smartmesh("spawn", "none", "--urdf", str(tmp_path / "none.urdf"))
+    assert "there is no URDF file" in smartmesh("spawn", "none", "--urdf", str(tmp_path / "none.urdf"))
     (tmp_path / "hull.stl").write_bytes(b"")
     file = tmp_path / "robot.urdf"
     file.write_text(robot(link("base", mesh("hull.stl"))))
@@ -102,6 +104,28 @@ def test_what_is_refused_is_told(shared: Probe, smartmesh: Command, tmp_path: Pa
     assert "not paused" not in smartmesh("param", "physics.rate") and "physics is running" in smartmesh("step")
     assert "no parameter 'physics.rat'; did you mean 'physics.rate'?" in smartmesh("param", "physics.rat")
     assert "it must be" in smartmesh("param", "physics.rate", "-3")
+    for text in ("[", "{a: 1}", "2024-01-01", "[0, down]"):
+        assert "write a number, a text, true, false, or a list of one of these" in smartmesh("param", "frame_id", text)
+    assert "out of range" in smartmesh("param", "physics.rate", "1" + 30 * "0")
+    assert "put no option before run" in smartmesh("--timeout", "5", "run", "terrain_source")
+
+
+def test_a_robot_is_sent_as_the_node_reads_its_file(shared: Probe, smartmesh: Command, tmp_path: Path) -> None:
+    """With space before its declaration, and without meshes that are only seen."""
+    show_map(shared, np.zeros((60, 60)))
+    seen = f"<visual><geometry>{mesh('none.stl')}</geometry></visual>"
+    file = tmp_path / "robot.urdf"
+    file.write_text("\n<?xml version='1.0'?>" + robot(link("base", more=seen)))
+    assert smartmesh("spawn", "rover", "--urdf", str(file), "--at", "3", "3") == "rover is there"
+    file.write_text(robot("<xacro:wheel/>"))
+    assert "expand it first: xacro" in smartmesh("spawn", "other", "--urdf", str(file))
+
+
+def test_messages_that_cannot_be_imported_are_named(
+    shared: Probe, smartmesh: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "smartmesh_msgs.msg", None)
+    assert "smartmesh_msgs/msg/TrackedBodyArray cannot be imported" in smartmesh("echo", "body_states", "--once")
 
 
 def test_physics_and_parameters_are_set(shared: Probe, smartmesh: Command) -> None:
@@ -126,6 +150,46 @@ def test_a_node_is_named_or_those_that_run_are(shared: Probe, remote: Remote) ->
             options.act(command.Caller(other, 0.2), options)
     assert f"there is no node /terrain_collider in DDS domain {os.environ['ROS_DOMAIN_ID']}" in str(missing.value)
     assert f"running: {shared.collider}" in str(missing.value)
+
+
+def test_negative_numbers_are_no_options() -> None:
+    parse = command.parser().parse_args
+    assert parse(["spawn", "ball", "--sphere", "0.1", "--at", "-3.1e-16", "-2.", "--z", "-1E3"]).at == [-3.1e-16, -2.0]
+    assert parse(["param", "physics.friction", "-1e-6"]).value == "-1e-6"
+
+
+def test_of_a_large_message_only_what_is_printed_is_copied() -> None:
+    message = heightmap_message(np.zeros((1000, 1000)))
+    tracemalloc.start()
+    shown = command.plain(message)["heights"]
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert shown == [0.0] * 12 + ["... 999988 more"] and most < 100_000
+
+
+def test_options_that_mean_nothing_are_named() -> None:
+    for name in ("", "a b", "robot-1/terrain_collider"):
+        assert "is no full name of a node, such as /robot/terrain_collider" in whole("--node", name, "nodes")
+    assert "'-1' is no whole number from 1 to 100000" in whole("step", "-1")
+    assert "'nan' is no number from 0 to inf" in whole("--timeout", "nan", "nodes")
+
+
+@pytest.mark.parametrize(
+    ("variables", "closed"),
+    [({"HOME": "/proc"}, ""), ({"PYTHONIOENCODING": "ascii"}, ""), ({}, ">&-"), ({}, "<&- >&- 2>&-")],
+)
+def test_a_command_ends_well_without_logs_or_letters_or_open_streams(
+    shared: Probe, variables: dict[str, str], closed: str
+) -> None:
+    show_map(shared, np.zeros((60, 60)))
+    spawn = f"spawn R\u00e4dchen_{len(closed)} --sphere 0.1 --at 2 2"
+    command = f'"{COMMAND}" --node {shared.collider} {spawn} {closed}'
+    environment = {name: value for name, value in os.environ.items() if name not in ("ROS_HOME", "ROS_LOG_DIR")}
+    done = subprocess.run(
+        ["sh", "-c", command], env=environment | variables, capture_output=True, timeout=TIMEOUT, check=False
+    )
+    assert (done.returncode, b"Traceback" in done.stderr) == (0, False), done.stderr
+    assert done.stdout.endswith(b"is there\n") != bool(closed)
 
 
 def test_the_command_of_a_workspace_starts_its_executables() -> None:

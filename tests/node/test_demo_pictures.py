@@ -3,10 +3,11 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.image import imread
 
-from smartmesh_ros.tools.demo import demo_pictures
+from smartmesh_ros.tools.demo import demo, demo_pictures
 from smartmesh_ros.tools.demo.demo_pictures import BODY_COLOURS, Frame
 
 SIDE = 101  # samples of 0.5 m
@@ -46,3 +47,16 @@ def test_all_of_the_ground_and_every_body_are_in_the_pictures_and_no_other_in_th
         assert pixels(frame, "husky") > 30, "it went far"
     assert pixels(picture[-60:], "ball") > 5 and pixels(picture[-60:], "husky") > 30
     assert pixels(picture, "can") == 0
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [("--seconds", "0", "'0' is no number from 0.1"), ("--out", "/proc/nowhere", "name another folder by --out")],
+)
+def test_what_would_fail_at_the_end_of_the_demo_is_told_at_its_start(
+    option: str, value: str, words: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(demo, "run", lambda _: ([], 0, {}))
+    with pytest.raises(SystemExit) as end:
+        demo.main([option, value])
+    assert words in f"{end.value}{capfd.readouterr().err}"

@@ -10,13 +10,13 @@ import pytest
 from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu
-from tests.node.test_robot_outputs import buffer_of
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros import BodyState, Box, HeightMap
 from smartmesh_ros.tools.testing import Probe, pose_message
 from tests import urdfs
 from tests.node.shared import fed, seconds, show_level_ground, spawn
+from tests.node.test_robot_outputs import buffer_of
 from tests.world.test_bases import HINGES, RACECAR, REAR, UNDERCARRIAGE
 
 CAR = (

@@ -80,7 +80,9 @@ LEVEL = np.zeros((6, 8), np.float32)
 
 
 def test_what_keeps_a_mapper_from_a_score_is_told_and_scores_are_written(tmp_path: Path) -> None:
-    file = tmp_path / "score.csv"
+    folder = tmp_path / "stick"
+    folder.mkdir()
+    file = folder / "score.csv"
     with made_with(TerrainScore, {"csv": str(file)}) as node:
         take = {it.topic_name.rpartition("/")[2]: it.callback for it in node.subscriptions if it.raw}
 
@@ -118,7 +120,10 @@ def test_what_keeps_a_mapper_from_a_score_is_told_and_scores_are_written(tmp_pat
         assert "no ground in common" in words()
         node._came["~/map"] -= 7.0
         assert words().startswith("the mapper is silent: no map on /terrain_score/map for 7.0 s")
-    with file.open() as lines:
+        folder.rename(tmp_path / "unplugged")
+        give("map", 6)
+        assert words().startswith("csv cannot be written: ") and str(file) in words()
+    with (tmp_path / "unplugged" / file.name).open() as lines:
         [score, _] = csv.DictReader(lines)
     assert (float(score["rmse"]), float(score["covered"]), float(score["delay"])) == (0.0, 1.0, -1.0)
 

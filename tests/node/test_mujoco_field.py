@@ -23,7 +23,9 @@ PAGE = (ROOT / "docs" / "other_simulators.md").read_text()
 STEP = 0.1
 
 
-def simulator(size: str = "10 10 2 1", samples: int = 33, mocap: str = "true", where: str = "0 0 1") -> tuple[Any, Any]:
+def simulator(
+    size: str = "10 10 2 1", samples: int = 33, mocap: str = "true", where: str = "0 0 1", pose: str = ""
+) -> tuple[Any, Any]:
     model = mujoco.MjModel.from_xml_string(f"""
     <mujoco>
       <asset>
@@ -32,7 +34,7 @@ def simulator(size: str = "10 10 2 1", samples: int = 33, mocap: str = "true", w
       </asset>
       <worldbody>
         <body name="other" mocap="true" pos="0 0 -50"><geom type="hfield" hfield="other"/></body>
-        <body name="ground" mocap="{mocap}"><geom type="hfield" hfield="ground"/></body>
+        <body name="ground" mocap="{mocap}"><geom type="hfield" hfield="ground" {pose}/></body>
         <body name="ball" pos="{where}"><freejoint/><geom size="0.2" mass="1"/></body>
       </worldbody>
     </mujoco>""")
@@ -90,6 +92,12 @@ def test_a_ball_lies_on_ground_at_any_height_and_falls_through_holes(level: floa
         ({"size": "0.5 0.5 2 1"}, 0.0, r"reaches 1 x 1 m .* compiled for 0\.5 x 0\.5 m; give it a size at least"),
         ({"samples": 16}, 0.0, r"takes 21 x 21 samples .* room for 256; give it nrow x ncol of 441 or more"),
         ({"mocap": "false"}, 0.0, r"on a body that cannot be moved; give it mocap='true'"),
+        (
+            {"pose": 'pos="0 0 0.3"'},
+            0.0,
+            "has a pose in its body, which is moved: leave its pos and its orientation out",
+        ),
+        ({"pose": 'euler="0 0 90"'}, 0.0, "has a pose in its body"),
     ],
 )
 def test_what_would_lose_bodies_is_refused_and_nothing_is_written(

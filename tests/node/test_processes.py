@@ -5,6 +5,7 @@ import gc
 import resource
 import signal
 import subprocess
+import sys
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -18,6 +19,7 @@ from smartmesh_msgs.srv import QueryGround
 
 from smartmesh_ros.node.running import run
 from smartmesh_ros.node.timing.pacing import Pacer
+from smartmesh_ros.startup.dds import isolated_unless_chosen, require_domain
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, assert_cannot_start, executable
 from tests.node.shared import wait_until
 from tests.node.test_faults import on_map
@@ -60,6 +62,26 @@ def test_a_signal_ends_a_program_and_the_nodes_that_it_started(
         wait_until(lambda: all(has_ended(child.pid) for child in children))
 
 
+def test_the_rover_imports_matplotlib_before_signals_raise_errors() -> None:
+    """Ctrl-C at the start was now and then an ImportError or a RuntimeError of Matplotlib's."""
+    code = (
+        "import sys; from smartmesh_ros.tools.demo import rover; "
+        "rover.spin = lambda *_: print('matplotlib.cbook' in sys.modules); rover.main([])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, timeout=TIMEOUT, check=True)
+    assert done.stdout == "True\n"
+
+
+def test_ctrl_c_ends_a_view_whose_demo_starts() -> None:
+    """The terminal ends the demo's nodes, too, for whose map the view would wait in vain."""
+    with Process("view", arguments=["--demo", "--port", "0"]) as process:
+        wait_until(lambda: "starting" in process.output)
+        for child in psutil.Process(process.process.pid).children(recursive=True):
+            child.terminate()  # as SIGINT, but before Python runs it says nothing
+        assert process.stop(signal.SIGINT) == 0, process.output
+        assert "Traceback" not in process.output
+
+
 @pytest.mark.parametrize(("name", "number"), [("smartmesh-demo", signal.SIGTERM), ("terrain_collider", signal.SIGINT)])
 def test_a_signal_during_the_imports_ends_an_executable(name: str, number: signal.Signals) -> None:
     """They last a second; nothing is to be cleaned up. Started as a shell starts a background job, SIGINT ignored."""
@@ -97,6 +119,25 @@ def test_a_node_runs_without_a_folder_for_logs(
         probe.wait_for(lambda: name in probe.node.get_node_names(), watch=process)
         assert process.output.startswith("no log files: "), process.output
         assert process.stop() == 0
+
+
+def test_a_domain_may_be_written_as_rcl_reads_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    for text, number in (("007", 7), ("010", 8), ("0x1f", 31), ("08", None)):
+        monkeypatch.setenv("ROS_DOMAIN_ID", text)
+        with pytest.raises(SystemExit) if number is None else contextlib.nullcontext():
+            require_domain()
+            with isolated_unless_chosen() as chosen:
+                assert chosen == number
+
+
+def test_a_node_runs_with_its_standard_streams_closed(probe: Probe) -> None:
+    command = 'exec "$0" >&- 2>&- <&-'
+    with subprocess.Popen(["sh", "-c", command, str(executable("terrain_collider"))]) as process:
+        try:
+            probe.wait_for(lambda: process.poll() is not None or probe.connected())
+        finally:
+            process.send_signal(signal.SIGINT)
+    assert process.returncode == 0
 
 
 def test_a_node_counts_no_deadlines_while_it_starts(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,7 +2,6 @@
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from types import SimpleNamespace
 from typing import get_args
 
@@ -11,24 +10,18 @@ import pytest
 import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
-from grid_map_msgs.msg import GridMap
-from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
-from rclpy.serialization import deserialize_message
 from smartmesh_msgs.msg import Heightmap
 from std_srvs.srv import Trigger
 
 from smartmesh_ros import BodyState, Box, HeightMap
-from smartmesh_ros.io.rasters import RasterConfig
-from smartmesh_ros.node.inputs.adapters import grid_map_raster
 from smartmesh_ros.node.inputs.map_checks import MapChecks
 from smartmesh_ros.node.inputs.rivals import Rivals
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy, stamp_of
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.motion import Changes, MotionConfig, MotionMode
-from smartmesh_ros.tools.testing import Probe, bags, heightmap_message
-from smartmesh_ros.tools.testing.replaying import replayed
+from smartmesh_ros.tools.testing import Probe, heightmap_message
 from tests.node.shared import Logged, fed
 
 DEFAULTS = {spec.name: spec.default for spec in SPECS}
@@ -232,37 +225,3 @@ def test_stalls_of_the_loop_give_the_ground_no_velocity(
             return float(node.world.terrain.at(np.full((1, 2), 5.0), node.world.time).velocities[0])
 
         assert np.abs(node.play(now, 4.0, 0.0, rise, velocity)).max() < 2.0 * SPEED
-
-
-MAPPER = Path(__file__).parents[1] / "data" / "mapper"
-PARAMETERS = {"terrain.input": "grid_map", "terrain.motion": "hold", "bodies.odometry": ["rover=/odom"]}
-
-
-def test_it_is_taken_and_after_a_reset_again() -> None:
-    """Played again without a reset, its stamps run backwards."""
-    records = list(bags.read(MAPPER))
-    newest = {record.topic: record.data for record in records}
-    last = grid_map_raster(deserialize_message(newest["/elevation_map"], GridMap), RasterConfig())
-    place = deserialize_message(newest["/odom"], Odometry).pose.pose.position
-    with replayed(MAPPER, PARAMETERS, remap={"~/grid_map": "/elevation_map"}) as run:
-
-        def require_last() -> None:
-            points = run.world.patches().table().points_of(0)
-            heights = HeightMap(last.heights, geometry=last.geometry).at(points[:, :2], 0.0).heights
-            np.testing.assert_allclose(points[:, 2], heights, atol=1e-5)
-            np.testing.assert_allclose(points[:, :2].mean(axis=0), (place.x, place.y), atol=0.5)
-
-        def play(pause: float) -> dict[str, int]:
-            for record in records:
-                run.run(run.time + pause)
-                run.give(record.topic, record.data)
-            return run.refused
-
-        run.run()
-        require_last()
-        assert len(records) == 50 and not run.refused
-        before = play(0.0)
-        assert before.keys() == {"grid_map: stamp_backwards", "/odom: stamp_backwards"}
-        assert run.call("reset", Trigger.Request()).success
-        assert play(0.1) == before
-        require_last()

@@ -1,7 +1,9 @@
 """Terrain from files."""
 
+import struct
 import sys
 import warnings
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -109,6 +111,16 @@ def test_units_scale_and_offset_of_a_geotiff_are_converted_to_metres(
     assert raster.heights == pytest.approx(wanted, rel=1e-6, nan_ok=True)
 
 
+@pytest.mark.parametrize(("kind", "nodata"), [("float64", np.finfo(np.float64).min), ("int16", -32768)])
+def test_no_data_values_of_any_type_are_holes_without_a_word(
+    tmp_path: Path, kind: str, nodata: float, recwarn: pytest.WarningsRecorder
+) -> None:
+    heights = np.where(HEIGHTS == 5, nodata, HEIGHTS)
+    file = write_tiff(tmp_path / "dem.tif", Affine.scale(2.0, -2.0), heights=heights, dtype=kind, nodata=nodata)
+    assert np.array_equal(np.isnan(load(file).heights[::-1]), HEIGHTS == 5)
+    assert not recwarn.list
+
+
 def test_transparency_marks_holes(tmp_path: Path) -> None:
     file = write_tiff(tmp_path / "dem.tif", Affine.scale(2.0, -2.0), count=2, dtype="uint8", nodata=None)
     with rasterio.open(file, "r+") as target:
@@ -192,6 +204,16 @@ def array(values: Any) -> Any:
     return lambda path: np.save(path, values, allow_pickle=True)
 
 
+def picture(*chunks: tuple[bytes, bytes]) -> bytes:
+    """The bytes of a PNG with chunks of these names and contents."""
+    packed = [struct.pack(">I", len(c)) + n + c + struct.pack(">I", zlib.crc32(n + c)) for n, c in chunks]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(packed)
+
+
+HUGE = picture((b"IHDR", struct.pack(">IIBBBBB", 30_000, 30_000, 8, 0, 0, 0, 0)), (b"IEND", b""))
+SPOILT = picture((b"IHDR", struct.pack(">IIBBBBB", 9, 9, 8, 0, 0, 0, 0)), (b"IDAT", b""), (b"\x8bz\xebi", b""))
+
+
 # Files that cannot be terrain by name: what writes them, and words of the refusal.
 WRONG: dict[str, tuple[Any, str]] = {
     "absent.npy": (lambda path: None, "there is no file"),
@@ -199,8 +221,11 @@ WRONG: dict[str, tuple[Any, str]] = {
     "cube.npy": (array(np.zeros((3, 3, 3))), "shape"),
     "words.npy": (array([["a", "b"], ["c", "d"]]), "real numbers"),
     "objects.npy": (array(np.array([[{}, {}], [{}, {}]], object)), "cannot be read"),
+    "archive.npy": (lambda path: np.savez(path.open("wb"), HEIGHTS), "an archive of arrays"),
     "large.npy": (array(np.zeros((200, 200))), "200 x 200"),
     "colour.png": (Image.new("RGB", (4, 4)).save, "RGB"),
+    "huge.png": (lambda path: path.write_bytes(HUGE), "exceeds limit"),
+    "spoilt.png": (lambda path: path.write_bytes(SPOILT), "broken PNG file"),
     "broken.png": (lambda path: path.write_bytes(b"\x89PNG\r\n\x1a\nnothing"), "cannot be read"),
     "broken.npy": (lambda path: path.write_bytes(b"nothing"), "cannot be read"),
     "broken.tif": (lambda path: path.write_bytes(b"nothing"), "cannot be read"),

@@ -20,28 +20,27 @@ from contextlib import closing
 from pathlib import Path
 from time import monotonic
 from typing import Any
-from xml.etree import ElementTree
 
-import rclpy
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Point, Pose, Quaternion
-from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
-from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 
 from smartmesh_ros.errors import InputError, suggestion
 from smartmesh_ros.node.parameters.helping import own_arguments
-from smartmesh_ros.node.running import Stop
+from smartmesh_ros.node.running import Stop, init
+from smartmesh_ros.startup.arguments import Parser, number
 from smartmesh_ros.startup.dds import use_large_message_profile
 from smartmesh_ros.startup.executables import STARTED_BY_NAME
+from smartmesh_ros.tools.client.parameters import parameter_from
 from smartmesh_ros.tools.client.remote import BEST, Remote, colliders
+from smartmesh_ros.tools.client.robot_text import text_of
 from smartmesh_ros.tools.client.sight import KINDS
-from smartmesh_ros.world.robots.description import named_file
 
 SHAPES = {
     "sphere": (SolidPrimitive.SPHERE, ("RADIUS",)), "box": (SolidPrimitive.BOX, ("X", "Y", "Z")),
@@ -105,19 +104,6 @@ def spawn(caller: Caller, options: argparse.Namespace) -> str:
     return caller.call("spawn_body", **fields) or f"{options.name} is there"
 
 
-def text_of(file: Path) -> str:
-    """Return the text of a URDF file, whose meshes are named by their full paths. Raises `InputError`."""
-    try:
-        text = file.read_text()
-        robot = ElementTree.fromstring(text)
-    except (OSError, ValueError, ElementTree.ParseError) as error:
-        raise InputError("urdf", f"{file} is no URDF file that can be read: {error}") from None
-    for mesh in robot.iter("mesh"):
-        if not mesh.get("filename", "").startswith("package://"):
-            mesh.set("filename", str(named_file(mesh.get("filename", ""), file.absolute().parent)))
-    return ElementTree.tostring(robot, encoding="unicode")
-
-
 def remove(caller: Caller, options: argparse.Namespace) -> str:
     """Remove bodies."""
     caller.call("remove_bodies", ids=options.names)
@@ -153,8 +139,12 @@ def echo(caller: Caller, options: argparse.Namespace) -> str:
     remote, topic = caller.remote, options.topic
     full = topic if topic.startswith("/") else f"{remote.name}/{topic}"
     types = caller.wait_for(lambda: dict(remote.node.get_topic_names_and_types()).get(full), f"topic {full}")
-    package, _, kind = types[0].split("/")
-    came = caller.messages(full, getattr(importlib.import_module(f"{package}.msg"), kind))
+    package, middle, name = types[0].split("/")
+    try:
+        kind = getattr(importlib.import_module(f"{package}.{middle}"), name)
+    except (ModuleNotFoundError, AttributeError):
+        raise InputError("missing", f"{types[0]} cannot be imported; source the workspace that has it") from None
+    came = caller.messages(full, kind)
     while True:
         for message in came[:1] if options.once else came:
             print(yaml.safe_dump(plain(message), sort_keys=False, default_flow_style=None, width=120), end="---\n")
@@ -172,7 +162,7 @@ def plain(value: Any) -> Any:
         return value
     if isinstance(value, bytes):
         return list(value)
-    items = [plain(item.item() if hasattr(item, "item") else item) for item in list(value)[:MOST_PRINTED]]
+    items = [plain(item.item() if hasattr(item, "item") else item) for item in value[:MOST_PRINTED]]
     return items if len(value) <= MOST_PRINTED else [*items, f"... {len(value) - MOST_PRINTED} more"]
 
 
@@ -188,7 +178,7 @@ def param(caller: Caller, options: argparse.Namespace) -> str:
         return sorted(answer(client.list_parameters([], 0)).result.names)
 
     if options.value is not None:
-        wanted = Parameter(options.name, value=yaml.safe_load(options.value))
+        wanted = parameter_from(options.name, options.value)
         [result] = answer(client.set_parameters([wanted])).results
         if not result.successful:
             raise InputError("refused", result.reason)
@@ -225,6 +215,11 @@ def show_nodes(caller: Caller, _: argparse.Namespace) -> str:
     return "\n".join(found)
 
 
+def run(_: Caller, options: argparse.Namespace) -> str:
+    """Refuse options before the word run; without any, `executables.smartmesh` starts the executable."""
+    raise InputError("arguments", f"put no option before run: smartmesh run {options.executable} ...")
+
+
 def say(service: str, **fields: Any) -> Callable[[Caller, argparse.Namespace], str]:
     """Return the action that calls a service."""
     return lambda caller, _: caller.call(service, **fields)
@@ -232,19 +227,18 @@ def say(service: str, **fields: Any) -> Callable[[Caller, argparse.Namespace], s
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    made = argparse.ArgumentParser(
-        "smartmesh", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    made = Parser("smartmesh", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     made.add_argument("--node", default="/terrain_collider", help="full name of the node (%(default)s)")
-    made.add_argument("--timeout", type=float, default=10.0, help="longest wait for it [s] (%(default)s)")
+    patience = number(float, 0.0, math.inf)
+    made.add_argument("--timeout", type=patience, default=10.0, help="longest wait for it [s] (%(default)s)")
     commands = made.add_subparsers(required=True, metavar="COMMAND")
 
-    def command(name: str, words: str, act: Callable[[Caller, argparse.Namespace], str] | None) -> Any:
+    def command(name: str, words: str, act: Callable[[Caller, argparse.Namespace], str]) -> Any:
         found = commands.add_parser(name, help=words, description=words)
         found.set_defaults(act=act)
         return found
 
-    starts = command("run", f"start one of {', '.join(STARTED_BY_NAME)}; more arguments are its own", None)
+    starts = command("run", f"start one of {', '.join(STARTED_BY_NAME)}; more arguments are its own", run)
     starts.add_argument("executable", choices=STARTED_BY_NAME, metavar="EXECUTABLE")
     command("nodes", "the running nodes", show_nodes)
     command("list", "the bodies: kinds, sizes, places", show_bodies)
@@ -272,7 +266,7 @@ def parser() -> argparse.ArgumentParser:
     command("resume", "let it run", say("pause", data=False))
     command("reset", "put bodies back to where they were spawned", say("reset"))
     steps = command("step", "run steps of a paused physics", lambda caller, o: caller.call("step", steps=o.count))
-    steps.add_argument("count", nargs="?", type=int, default=1)
+    steps.add_argument("count", nargs="?", type=number(int, 1, 100_000), default=1)
     return made
 
 
@@ -281,7 +275,7 @@ def main(args: list[str] | None = None) -> None:
     given = sys.argv if args is None else ["smartmesh", *args]
     options = parser().parse_args(own_arguments(given))
     use_large_message_profile()
-    rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
+    init(given)
     Stop()
     try:
         with closing(Remote("/" + options.node.strip("/"))) as remote:

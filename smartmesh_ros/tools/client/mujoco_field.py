@@ -42,8 +42,8 @@ def write_field(model: Any, data: Any, field: int | str, patch: Patch) -> None:
 
     ``field``: name or number of the height field, used by one geom on a mocap body. MuJoCo cuts each cell along the
     same diagonal as the node, so its triangles equal the patch's. Holes are as deep as the field's elevation allows.
-    Raises `InputError`, and writes nothing, if the model's field is too small, too low, or not on a mocap body, or if
-    the patch is no grid.
+    Raises `InputError`, and writes nothing, if the model's field is too small, too low, beside its body, or not on a
+    mocap body, or if the patch is no grid.
     """
     found = _find(model, field)
     if patch.shape is None:
@@ -113,6 +113,11 @@ def _find(model: Any, field: int | str) -> _Field:
         raise InputError(
             "parameter", f"the geom of height field {name!r} is on a body that cannot be moved; give it mocap='true'"
         )
+    if model.geom_pos[geom].any() or model.geom_quat[geom].tolist() != [1.0, 0.0, 0.0, 0.0]:
+        raise InputError(
+            "parameter", f"the geom of height field {name!r} has a pose in its body, which is moved: leave its pos and "
+            "its orientation out"
+        )  # fmt: skip
     ends = [*model.hfield_adr.tolist(), len(model.hfield_data)]
     room = min(end for end in ends if end > ends[number]) - ends[number]
     # Contacts are limited by the compiled bounds in `geom_aabb`, which never change, unlike `hfield_size`.

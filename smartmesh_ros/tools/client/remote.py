@@ -12,12 +12,14 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import Log, ParameterEvent
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
+from rclpy.validate_full_topic_name import validate_full_topic_name
 from smartmesh_msgs.msg import ColliderPatchArray, Timing
 from smartmesh_msgs.srv import RemoveBodies, SpawnBody, StepPhysics
 from std_srvs.srv import SetBool, Trigger
@@ -71,6 +73,12 @@ class Remote:
     """
 
     def __init__(self, name: str) -> None:
+        """Raises `InputError` if ``name`` cannot be that of a node."""
+        try:
+            validate_full_topic_name(f"{name}/{STATES}")
+        except InvalidTopicNameException:
+            words = "is no full name of a node, such as /robot/terrain_collider; names have letters, digits and _ alone"
+            raise InputError("arguments", f"{name!r} {words}") from None
         self.name = name
         self.node = Node("smartmesh_view", use_global_arguments=False)
         self._executor = EventsExecutor()

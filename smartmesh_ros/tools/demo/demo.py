@@ -12,6 +12,7 @@ import argparse
 import math
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -29,6 +30,7 @@ from visualization_msgs.msg import MarkerArray
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.running import Stop, init
 from smartmesh_ros.scenes.eight import robot_file
+from smartmesh_ros.startup.arguments import number
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.client.command import Caller
@@ -179,9 +181,15 @@ def watch(demo: Demo, seconds: float) -> tuple[list[Frame], int]:
 def main(args: list[str] | None = None) -> None:
     """Run the demo."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seconds", type=float, default=15.0, help="duration of the recording")
-    parser.add_argument("--out", type=Path, default=Path("out"), help="folder of the pictures")
+    seconds = number(float, 0.1, 3600.0)
+    parser.add_argument("--seconds", type=seconds, default=15.0, help="duration of the recording (%(default)s)")
+    parser.add_argument("--out", type=Path, default=Path("out"), help="folder of the pictures (%(default)s)")
     options = parser.parse_args(args)
+    try:
+        options.out.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=options.out).close()
+    except OSError as error:
+        sys.exit(f"demo cannot write pictures: {error}; name another folder by --out")
     use_large_message_profile()
     Stop()  # the first signal raises KeyboardInterrupt; later ones leave the processes the time to end
     try:

@@ -60,9 +60,8 @@ class Frame:
 
 
 def draw(frames: list[Frame], folder: Path, say: Callable[[str], object] = lambda _: None) -> Iterator[Path]:
-    """Write a picture of six frames and a clip; yield each path once it is written. ``say`` is told how far the clip
-    is."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """Write a picture of six frames and a clip into a folder that exists; yield each path once it is written. ``say``
+    is told how far the clip is."""
     yield _picture(frames, folder / "demo.png")
     yield _clip(frames, folder / "demo.gif", say)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from rclpy.time import Time
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate
 from std_msgs.msg import Header
 
@@ -51,18 +52,20 @@ class TerrainSource(ParameterNode):
         self._scene = make_scene(values)
         self._maps = self.create_publisher(Heightmap, "terrain_collider/heightmap", LATCHED)
         self._regions = self.create_publisher(HeightmapUpdate, "terrain_collider/heightmap_update", 100)
-        self._start = self.get_clock().now()
+        self._start: Time | None = None  # of the first map; until then simulated time may not have come
         self._listeners = 0
-        self._full_due = 0.0
+        self._time = self._full_due = 0.0
         self.create_timer(1.0 / values["rate"], self._tick)
 
     def _tick(self) -> None:
         """Publish the terrain at the present time."""
         now = self.get_clock().now()
+        self._start = self._start or now
         time = (now - self._start).nanoseconds * 1e-9
         header = Header(stamp=now.to_msg(), frame_id=self._frame_id)
         listeners = self._maps.get_subscription_count()
-        if self._mode == "full" or listeners > self._listeners or time >= self._full_due:
+        went_back = time < self._time
+        if self._mode == "full" or listeners > self._listeners or went_back or time >= self._full_due:
             self._full_due = time + FULL_PERIOD
             heights = self._scene.heights(time)
             self._maps.publish(heightmap_message(header, self._scene.geometry, heights, self._tile))
@@ -71,7 +74,7 @@ class TerrainSource(ParameterNode):
             message = HeightmapUpdate(header=header, tile=self._tile, x=column, y=row, heights=floats(part))
             message.height, message.width = part.shape
             self._regions.publish(message)
-        self._listeners = listeners
+        self._listeners, self._time = listeners, time
 
 
 def heightmap_message(header: Header, geometry: GridGeometry, heights: Any, tile: str = "") -> Heightmap:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections import deque
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -86,8 +88,9 @@ class Scorer:
         if self._truth and stamp < self._truth[-1][0]:
             for known in (self._truth, self._waiting, self._sums):
                 known.clear()
-        oldest = stamp - self.config.longest_lag - LATE
-        self._truth = [(time, heights) for time, heights in self._truth if oldest <= time < stamp]
+        oldest = min([stamp - self.config.longest_lag - LATE, *(map_.stamp for map_ in self._waiting)])
+        first = bisect_right(self._truth, oldest, key=itemgetter(0)) - 1  # the last one before that
+        self._truth = [(time, heights) for time, heights in self._truth[max(first, 0) :] if time < stamp]
         self._truth.append((stamp, HeightMap(raster.heights, geometry=raster.geometry)))
 
     def add_map(self, stamp: float, raster: Raster) -> None:

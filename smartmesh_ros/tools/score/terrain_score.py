@@ -81,13 +81,16 @@ class TerrainScore(ParameterNode):
                     raise InputError("stamp", "a map has no stamp, so the truth of its time is unknown; stamp the maps")
                 take(message.header.frame_id, stamp, grid_map_raster(message, config))
             except InputError as error:
-                self._refused = f"{self.resolve_topic_name(topic)}: {error}"
-                self._refusals[f"{topic}: {error.reason}"] += 1
-                self.get_logger().warning(self._refused, throttle_duration_sec=LOG_PERIOD)
+                self._refuse(f"{self.resolve_topic_name(topic)}: {error}", f"{topic}: {error.reason}")
             for score in self.scorer.take():
                 self._note(score)
 
         return callback
+
+    def _refuse(self, words: str, reason: str) -> None:
+        self._refused = words
+        self._refusals[reason] += 1
+        self.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)
 
     def _on_truth(self, frame: str, stamp: float, raster: Raster) -> None:
         self._frame = frame
@@ -106,7 +109,10 @@ class TerrainScore(ParameterNode):
         self.score, self._scored = score, self._scored + 1
         if self.values["csv"]:
             stamp, *rest = score
-            self._write("a", (f"{stamp:.9f}", *(f"{value:.6g}" for value in rest)))
+            try:
+                self._write("a", (f"{stamp:.9f}", *(f"{value:.6g}" for value in rest)))
+            except OSError as error:
+                self._refuse(f"csv cannot be written: {error}", "csv")
 
     def _write(self, mode: str, row: Sequence[str]) -> None:
         with Path(self.values["csv"]).open(mode, newline="") as file:

@@ -15,6 +15,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from smartmesh_ros.tools.replay.bag import Bag, Record, class_of, recorded
 from smartmesh_ros.tools.replay.mcap_file import VERSION, add_topic
+from smartmesh_ros.tools.testing.process import TIMEOUT
 
 Storage = Literal["sqlite3", "mcap"]
 
@@ -45,11 +46,12 @@ def play(
     rate: float = 1.0,
     remap: dict[str, str] | None = None,
     qos: Any = 10,
+    timeout: float = TIMEOUT,
 ) -> int:
     """Publish a bag from ``node`` at ``rate`` times the recorded speed; return the number of messages.
 
     ``spin`` is called with the time to wait [s], like `Probe.spin`. ``remap``: new names by recorded topic. Publishing
-    starts when every topic has a subscriber.
+    starts when every topic has a subscriber. Raises `AssertionError` if one has none after ``timeout`` [s].
     """
     records = list(read(path))
     names = {**{record.topic: record.topic for record in records}, **(remap or {})}
@@ -58,7 +60,12 @@ def play(
         for record in {record.topic: record for record in records}.values()
     }
     try:
-        while not all(publisher.get_subscription_count() for publisher in publishers.values()):
+        end = monotonic() + timeout
+        while alone := [it.topic_name for it in publishers.values() if not it.get_subscription_count()]:
+            if monotonic() > end:
+                raise AssertionError(
+                    f"nobody subscribes to {', '.join(alone)} after {timeout:g} s; remap renames topics"
+                )
             spin(0.02)
         start = monotonic()
         for record in records:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import yaml
@@ -11,6 +12,7 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.parameter import Parameter, parameter_value_to_python
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.tools.client.parameters import parameter_from
 from smartmesh_ros.tools.client.remote import Remote
 
 # Prefix of a description's constraints that list choices.
@@ -60,13 +62,10 @@ def knob_of(descriptor: ParameterDescriptor, value: Any) -> Knob | None:
 def parameter_of(knob: Knob, given: Any) -> Parameter:
     """Return the parameter with the value that the page's user gave. Raise `InputError` if a list's text is no list."""
     if knob.kind == "text" and knob.value.startswith("["):
-        try:
-            given = yaml.safe_load(given)
-        except yaml.YAMLError:
-            given = None
-        if not isinstance(given, list):
-            raise InputError("parameter", f"{knob.name} must be a list, such as {knob.value}")
-        given = [float(item) if isinstance(item, int) and not isinstance(item, bool) else item for item in given]
+        with suppress(InputError):
+            if isinstance((made := parameter_from(knob.name, given)).value, list):
+                return made
+        raise InputError("parameter", f"{knob.name} must be a list, such as {knob.value}")
     return Parameter(knob.name, value=given)
 
 

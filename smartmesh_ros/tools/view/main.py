@@ -10,14 +10,16 @@ import math
 import sys
 from contextlib import closing, nullcontext
 from time import monotonic
+from typing import Any
 
 from rclpy.utilities import try_shutdown
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.helping import own_arguments
 from smartmesh_ros.node.running import Stop, init
+from smartmesh_ros.startup.arguments import number
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.tools.client.remote import Remote
-from smartmesh_ros.tools.demo.demo import demo_running
 
 # Time after which the view says that its node is not there [s].
 PATIENCE = 3.0
@@ -29,24 +31,35 @@ def main(args: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser("view", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--node", default="/terrain_collider", help="full name of the node (%(default)s)")
     parser.add_argument("--host", default="localhost", help="address to listen on; 0.0.0.0 = all (%(default)s)")
-    parser.add_argument("--port", type=int, default=8080, help="port, or the next free one (%(default)s)")
-    parser.add_argument("--rate", type=float, default=12.0, help="updates of the page a second (%(default)s)")
+    port, rate = number(int, 0, 65535), number(float, 1.0, 100.0)
+    parser.add_argument("--port", type=port, default=8080, help="port, or the next free one (%(default)s)")
+    parser.add_argument("--rate", type=rate, default=12.0, help="updates of the page a second, 1 to 100 (%(default)s)")
     parser.add_argument("--demo", action="store_true", help="start the demo's nodes and show them")
     options = parser.parse_args(own_arguments(given))
-    try:
-        from smartmesh_ros.tools.view.page import Page
-    except ModuleNotFoundError as error:
-        sys.exit(f"the view needs {error.name}, which is not installed; pip install 'viser[urdf]'")
     use_large_message_profile()
     with isolated_unless_chosen() if options.demo else nullcontext():
         init(given)
         stop = Stop()
-        stop.starting = False  # what has begun to start is ended in order
-        with (
-            closing(Remote("/" + options.node.strip("/"))) as remote,
-            demo_running(remote) if options.demo else nullcontext() as demo,
-            closing(Page(remote, options.host, options.port)) as page,
-        ):
+        try:
+            show(options, stop)
+        except InputError as error:
+            sys.exit(f"view: {error}")
+        except ModuleNotFoundError as error:
+            hint = "pip install 'viser[urdf]', and matplotlib for --demo"
+            sys.exit(f"the view needs {error.name}, which is not installed; {hint}")
+        except KeyboardInterrupt:
+            pass
+        finally:
+            try_shutdown()
+
+
+def show(options: argparse.Namespace, stop: Stop) -> None:
+    """Show a node until ``stop`` is asked for."""
+    from smartmesh_ros.tools.view.page import Page
+
+    with closing(Remote("/" + options.node.strip("/"))) as remote, demo_of(remote, options.demo) as demo:
+        stop.starting = False  # the page is ended in order
+        with closing(Page(remote, options.host, options.port)) as page:
             print(f"{remote.name} is shown at {page.url}", flush=True)
             due = monotonic()
             patience = due + PATIENCE
@@ -60,4 +73,12 @@ def main(args: list[str] | None = None) -> None:
                 page.refresh()
                 if demo is not None:
                     demo.drive()
-        try_shutdown()
+
+
+def demo_of(remote: Remote, wanted: bool) -> Any:
+    """Return the running demo as a context manager, of None if it is not ``wanted``."""
+    if not wanted:
+        return nullcontext()
+    from smartmesh_ros.tools.demo.demo import demo_running  # imports Matplotlib, which a view of a node does not need
+
+    return demo_running(remote)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import io
 import logging
-from asyncio import run_coroutine_threadsafe
+from asyncio import Protocol, get_running_loop, run, run_coroutine_threadsafe
 from contextlib import redirect_stdout
 from typing import Any
 
 import viser
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.client.remote import OUTPUTS, Remote
 from smartmesh_ros.tools.view.camera import Cameras
 from smartmesh_ros.tools.view.knobs import KnobPanel
@@ -18,7 +19,8 @@ from smartmesh_ros.tools.view.scene import Scene
 
 
 class Page:
-    """Serves the page at ``url``, on ``host`` and ``port`` or the next free port."""
+    """Serves the page at ``url``, on ``host`` and ``port`` or the next free port. Raises `InputError` if ``host`` is
+    not an address of this machine."""
 
     def __init__(self, remote: Remote, host: str, port: int) -> None:
         self._remote = remote
@@ -29,7 +31,7 @@ class Page:
         tabs = self._server.gui.add_tab_group()
         self._panel = Panel(self._server, remote, self.scene, self.cameras, tabs.add_tab("Node"))
         self._knobs = KnobPanel(self._server, remote, tabs.add_tab("Parameters"))
-        self.url = f"http://{'localhost' if host == '0.0.0.0' else host}:{self._server.get_port()}"
+        self.url = url_of(host, self._server.get_port())
 
     def close(self) -> None:
         """Stops serving."""
@@ -55,12 +57,28 @@ class Page:
         self.cameras.update(remote.ground, remote.sight)
 
 
+def url_of(host: str, port: int) -> str:
+    """Return the address by which a browser on this machine finds a page."""
+    shown = "localhost" if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
+    return f"http://{shown}:{port}"
+
+
 def start_server(host: str, port: int, label: str | None = None) -> Any:
-    """Start a viser server at a ``port``, 0 = any free port, without viser's own output."""
+    """Start a viser server at a ``port``, 0 = any free port, without viser's own output. Raises `InputError`."""
+    try:
+        run(_listen(host))
+    except OSError as error:
+        words = "name an address of this machine, such as 127.0.0.1, or 0.0.0.0 for all"
+        raise InputError("host", f"the page cannot listen on {host!r}: {error}; {words}") from None
     # Browsers open connections without using them, which websockets reports as errors.
     logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
     with redirect_stdout(io.StringIO()):
         return viser.ViserServer(host=host, port=port, label=label, verbose=False)
+
+
+async def _listen(host: str) -> None:
+    """Listen once as viser does, which would wait forever where that fails."""
+    (await get_running_loop().create_server(Protocol, host, 0)).close()
 
 
 def stop_server(server: Any) -> None:

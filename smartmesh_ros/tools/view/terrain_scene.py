@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from enum import Enum
 from time import monotonic
 from typing import Any, Literal, NamedTuple
+from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,7 +112,8 @@ class TerrainScene:
         meshes, decks = {}, ground.terrain().decks
         self._show_frames(ground, decks.keys())
         for name, tile in ground.tiles.items():
-            deck, path = ground.deck_of(name), f"/terrain/{name or 'map'}"
+            # One part of a path, because viser removes what is below a path with it.
+            deck, path = ground.deck_of(name), f"/terrain/tile_{quote(name, safe='')}"
             root = f"/decks/{deck}" if deck else ""
             if not isinstance(tile, HeightMap):
                 meshes[root + path] = Mesh(tile.vertices, tile.triangles, GROUND)

@@ -80,3 +80,11 @@ def test_maps_wait_for_their_truth_also_after_the_clock_went_back() -> None:
     scorer.add_truth(1.0, level)
     scorer.add_map(1.0, level)
     assert [score.stamp for score in scorer.take()] == [1.0]
+
+
+def test_a_map_is_scored_by_the_true_maps_before_and_after_it_however_far_apart() -> None:
+    scorer = Scorer()
+    for tick in range(4):
+        scorer.add_truth(10.0 * tick, Raster(TRUE, np.full((31, 41), tick, np.float32)))
+        assert [score.bias for score in scorer.take()] == [pytest.approx(0.15)] * bool(tick)
+        scorer.add_map(10.0 * tick + 0.5, Raster(TRUE, np.full((31, 41), tick + 0.2, np.float32)))

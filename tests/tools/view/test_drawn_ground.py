@@ -2,6 +2,8 @@
 
 import asyncio
 import math
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,8 +16,9 @@ from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.client.patch import Patch
-from smartmesh_ros.tools.testing import floats, heightmap_message, pose_message
+from smartmesh_ros.tools.testing import TIMEOUT, Process, floats, heightmap_message, pose_message
 from tests.examples import examples
 
 pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")
@@ -24,7 +27,7 @@ import trimesh
 
 from smartmesh_ros.tools.client.ground import Ground
 from smartmesh_ros.tools.client.sight import Pose, Sight
-from smartmesh_ros.tools.view.page import Page, start_server, stop_server
+from smartmesh_ros.tools.view.page import Page, start_server, stop_server, url_of
 from smartmesh_ros.tools.view.robots import GAP, Robot
 from smartmesh_ros.tools.view.scene import Scene
 from smartmesh_ros.tools.view.terrain_scene import Depth, Give, Grip, TerrainScene, triangles_by_band
@@ -110,7 +113,7 @@ def test_ruts_are_coloured_while_that_is_asked_for(server: Any, topic: str) -> N
     assert colours(sunk=True) == set()
     give(ground, HeightmapUpdate(x=5, y=10, width=20, height=3, heights=floats(np.full(60, 2.98))), topic)
     assert colours(sunk=True) == {"DEEP"}
-    mesh = drawn["/sunk/terrain/map/DEEP"]
+    mesh = drawn["/sunk/terrain/tile_/DEEP"]
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     assert np.allclose([low[:2], high[:2]], [[0.4, 0.9], [2.5, 1.3]], atol=1e-5), "to the first samples beside it"
     assert colours(sunk=False) == set()
@@ -128,7 +131,7 @@ def test_ground_of_another_material_than_usual_is_coloured_where_it_lies(server:
         give(ground, heightmap_message(np.zeros((40, 40)), resolution=0.1, origin=(x, 0.0, 0.0), **material))
         scene.show(ground, np.zeros((0, 3)), np.zeros(0), [])
         bands = [*(("grip", band) for band in Grip), *(("give", band) for band in Give)]
-        names = {band.name: drawn.get(f"/{kind}/terrain/map/{band.name}") for kind, band in bands}
+        names = {band.name: drawn.get(f"/{kind}/terrain/tile_/{band.name}") for kind, band in bands}
         along = {name: mesh.vertices[:, 0] for name, mesh in names.items() if mesh is not None}
         return {name: (pytest.approx(x.min(), abs=1e-5), pytest.approx(x.max(), abs=1e-5)) for name, x in along.items()}
 
@@ -161,7 +164,7 @@ def test_no_ground_is_drawn_over_a_patch_that_has_moved_since_the_map(server: An
             angular_w=np.zeros(3), vertices_w=vertices, triangles=np.zeros((0, 3), np.uint32),
         )  # fmt: skip
         scene.show(ground, np.array([[1.2, 2.0, 0.1]]), np.array([0.2]), [patch])
-        mesh = drawn["/terrain/map"]
+        mesh = drawn["/terrain/tile_"]
         found = {tuple(np.rint(10.0 * v[:2]).astype(int)): v[2] for v in np.asarray(mesh.vertices, float)}
         for k in range(49):
             assert found[(columns[k], rows[k])] == pytest.approx(vertices[k, 2], abs=1e-5)
@@ -180,13 +183,25 @@ def test_the_tiles_of_a_deck_are_drawn_and_clicked_where_its_odometry_says(serve
         place.pose.pose = pose_message((4.0, 5.0, height), yaw=0.3)
         sight.take("odometry", serialize_message(place))
         scene.show(ground, np.array([[4.0, 5.0, height]]), np.array([0.2]), [])
-        frame, mesh = drawn["/decks/ferry"], drawn["/decks/ferry/terrain/ferry/roof"]
+        frame, mesh = drawn["/decks/ferry"], drawn["/decks/ferry/terrain/tile_ferry%2Froof"]
         assert frame.position == pytest.approx([4.0, 5.0, height])
         assert frame.wxyz == pytest.approx([math.cos(0.15), 0.0, 0.0, math.sin(0.15)])
         low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
         np.testing.assert_allclose([low, high], [[-1.0, -1.0, 0.25], [1.0, 1.0, 0.25]], atol=1e-5)
         assert ground.distances(eye, down) == pytest.approx(9.0 - height - 0.25)
-    assert "/terrain/map" in drawn and "/terrain/ferry/roof" not in drawn
+    assert "/terrain/tile_" in drawn and "/terrain/tile_ferry%2Froof" not in drawn
+
+
+def test_a_tile_is_drawn_whatever_the_names_of_others_and_stays_when_they_go(server: Any) -> None:
+    ground, scene, drawn = Ground(), TerrainScene(server.scene), server.scene._handle_from_node_name
+    names = ["", "map", "a", "a/b", "a%2Fb", "a/b/c"]
+    for gone in ("", *names):
+        for name in names:
+            message = heightmap_message(np.zeros((0, 0)) if name == gone else np.zeros((5, 5)), tile=name)
+            ground.take("heightmap", serialize_message(message))
+        ground.apply_waiting()
+        scene.show(ground, np.zeros((0, 3)), np.zeros(0), [])
+        assert sum(path.startswith("/terrain/") for path in drawn) == len(names) - 1
 
 
 URDF = '<robot name="r"><link name="b"><visual><geometry><box size="1 1 0.4"/></geometry></visual></link></robot>'
@@ -236,3 +251,34 @@ def test_a_page_is_refreshed_by_the_thread_that_sends_it(server: Any, monkeypatc
     monkeypatch.setattr(Page, "_refresh", refresh)
     page.refresh()
     assert loops == [server.get_event_loop()]
+
+
+@pytest.mark.parametrize("host", ["203.0.113.1", "nowhere.invalid"])
+def test_a_host_that_is_not_this_machine_is_refused(host: str) -> None:
+    """viser would wait forever."""
+    with pytest.raises(InputError, match=f"cannot listen on '{host}': .* name an address of this machine"):
+        start_server(host, 0)
+
+
+def test_addresses_are_those_of_a_browser() -> None:
+    assert url_of("0.0.0.0", 8080) == url_of("::", 8080) == "http://localhost:8080"
+    assert url_of("::1", 8080) == "http://[::1]:8080"
+
+
+def test_a_view_of_a_node_needs_no_matplotlib() -> None:
+    code = "import sys; sys.modules['matplotlib'] = None; from smartmesh_ros.tools.view import main, page"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=TIMEOUT)
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [
+        ("--rate", "0", "'0' is no number from 1"),
+        ("--port", "99999", "is no whole number"),
+        ("--node", "a b", "full name"),
+    ],
+)
+def test_an_option_that_means_nothing_is_named(option: str, value: str, words: str, domain: int) -> None:
+    with Process("view", arguments=["--port", "0", option, value]) as view:
+        assert view.process.wait(TIMEOUT) in (1, 2)
+        assert words in view.output and "Traceback" not in view.output

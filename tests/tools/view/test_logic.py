@@ -69,7 +69,7 @@ def test_sliders_can_stand_at_values_of_few_digits(low: float, length: float, sh
 def test_a_text_that_is_no_list_is_refused_with_an_example() -> None:
     knob = knobs()["physics.gravity"]
     assert list(parameter_of(knob, "[0, 0, -1]").value) == [0.0, 0.0, -1.0]
-    for wrong in ("", "0, 0", "[0, 0", "{a: 1}"):
+    for wrong in ("", "0, 0", "[0, 0", "{a: 1}", "[0, down]", "[[0], 0]"):
         with pytest.raises(InputError, match=r"must be a list, such as \[0.0, 0.0, -9.81\]"):
             parameter_of(knob, wrong)
     assert shown_value([0.0, 1.0]) == "[0.0, 1.0]"
