@@ -2,11 +2,13 @@
 
 import gc
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
+import pybullet as pb
 import pytest
+from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.core.body_shape import BodyShape
@@ -87,8 +89,11 @@ def test_what_leads_out_of_an_array_is_refused(function: Callable[..., Any], giv
 
 
 @pytest.fixture
-def ground(client: Any) -> Any:
-    return CORE.Ground(client.executePluginCommand(client.loadPlugin(CORE.__file__, "_smartmesh"), "", []))
+def ground() -> Iterator[Any]:
+    """A ground in a client of its own: the sanitized core's tests run without `conftest`, which has a fixture for it."""
+    client = BulletClient(pb.DIRECT)
+    yield CORE.Ground(client.executePluginCommand(client.loadPlugin(CORE.__file__, "_smartmesh"), "", []))
+    client.disconnect()
 
 
 @pytest.mark.parametrize("slot", [-1, 0, 1, 2**31 - 1, -(2**31)])
