@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 
 
@@ -64,27 +65,23 @@ def deviation_of(variance: float | NDArray[np.float32]) -> float:
 def checked(
     heights: ArrayLike, velocities: ArrayLike | None, shape: tuple[int, ...], what: str
 ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
-    """Return heights and velocities as float32 of the right shape without infinities."""
-    new = as_floats(heights, shape, f"heights of {what}")
-    # One fast pass over the sum; the slow search for infinities follows only if needed.
-    if not np.isfinite(new.sum()) and _has_infinity(new):
-        raise InputError("non_finite", f"heights of {what} contain infinity; mark missing ground with NaN")
+    """Return heights and velocities as float32 of the right shape without infinities, as the core takes them."""
+    new = _without_infinity(heights, shape, f"heights of {what}", "mark missing ground with NaN")
     if velocities is None:
         return new, None
-    speeds = as_floats(velocities, shape, f"velocities of {what}")
-    if _has_infinity(speeds):
-        raise InputError("non_finite", f"velocities of {what} contain infinity; they must be finite or NaN [m/s]")
-    return new, speeds
+    return new, _without_infinity(velocities, shape, f"velocities of {what}", "they must be finite or NaN [m/s]")
+
+
+def _without_infinity(values: ArrayLike, shape: tuple[int, ...], what: str, instead: str) -> NDArray[np.float32]:
+    samples = dense(as_floats(values, shape, what))
+    if CORE.has_infinity(samples):
+        raise InputError("non_finite", f"{what} contain infinity; {instead}")
+    return samples
 
 
 def dense(values: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return values as a contiguous and aligned array, as the core takes them."""
     return np.require(values, np.float32, ("C", "A"))
-
-
-def _has_infinity(values: NDArray[np.float32]) -> bool:
-    """Return True if any value is infinite; unlike `numpy.isinf`, this allocates no array of flags."""
-    return bool(np.isinf([np.fmin.reduce(values, axis=None), np.fmax.reduce(values, axis=None)]).any())
 
 
 def as_floats(values: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float32]:

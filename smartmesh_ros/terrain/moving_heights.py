@@ -265,8 +265,7 @@ class MovingHeights(LaidGround, MovingGround):
         """Store heights of a rectangle that moves, and their velocities if they were given."""
         intervals = self.motion.min_interval, self.motion.max_interval
         with self.prints.lifted() if self.prints else nullcontext():
-            given = None if speeds is None else dense(speeds)
-            CORE.take_rectangle(self.core_reader, (row, column), dense(new), given, time, intervals)
+            CORE.take_rectangle(self.core_reader, (row, column), new, speeds, time, intervals)
 
     def _correct(self, row: int, column: int, known: NDArray[np.float32], time: float) -> None:
         """Store the new estimate of a rectangle of static ground."""

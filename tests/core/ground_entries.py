@@ -130,6 +130,7 @@ ENTRIES = {
         CORE.sample_mesh, vertices, written=("positions", "velocities"), within=(("indices", 12),),
         finite=("time", "ahead"),
     ),
+    "has_infinity": Entry(CORE.has_infinity, lambda: {"samples": floats(3, 4)}, any_shape=("samples",)),
     "take_rectangle": Entry(CORE.take_rectangle, lambda: {
         "grid": new_grid(), "first": (67, 126), "fresh": floats(3, 4), "given": floats(3, 4), "time": 0.1,
         "intervals": (0.004, 0.25),

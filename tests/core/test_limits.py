@@ -90,7 +90,7 @@ def test_what_leads_out_of_an_array_is_refused(function: Callable[..., Any], giv
 
 @pytest.fixture
 def ground() -> Iterator[Any]:
-    """A ground in a client of its own: the sanitized core's tests run without `conftest`, which has a fixture for it."""
+    """A ground in a client of its own: the sanitized core runs these tests without `conftest` and its fixtures."""
     client = BulletClient(pb.DIRECT)
     yield CORE.Ground(client.executePluginCommand(client.loadPlugin(CORE.__file__, "_smartmesh"), "", []))
     client.disconnect()

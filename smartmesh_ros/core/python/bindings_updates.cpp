@@ -1,4 +1,5 @@
 // What Python sees of taking maps: motion, corrections, fusion, and the lattice that compares maps.
+#include <cmath>
 #include <vector>
 
 #include "map/fusion.h"
@@ -25,6 +26,15 @@ Region place_of(const HeightGrid& map, const Pair& first, const Floats2& samples
     throw std::invalid_argument("a rectangle is empty or leaves the map");
   check_alignment(samples.data(), sizeof(float));
   return {row, column, row + high, column + wide};
+}
+
+bool has_infinity(Floats2 samples) {
+  check_alignment(samples.data(), sizeof(float));
+  const float* values = samples.data();
+  const std::size_t count = samples.size();
+  int found = 0;
+  for (std::size_t k = 0; k < count; ++k) found |= std::isinf(values[k]);
+  return found != 0;
 }
 
 // Writes `fresh` heights and `given` velocities (h, w), or None, of the rectangle whose first sample is `first`, as
@@ -137,6 +147,7 @@ bool map_moved_as_one(Cells cells, LastHeights last, Steps steps, Pair stride, F
 }  // namespace
 
 void add_updates(nb::module_& m) {
+  m.def("has_infinity", &has_infinity, "samples"_a.noconvert());
   m.def("take_rectangle", &take_rectangle, "grid"_a, "first"_a, "fresh"_a.noconvert(), "given"_a.noconvert().none(),
         "time"_a, "intervals"_a);
   m.def("take_corrected", &correct, "grid"_a, "first"_a, "known"_a.noconvert(), "time"_a);
