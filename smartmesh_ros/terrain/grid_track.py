@@ -105,9 +105,9 @@ def follow(
     Scrolling assigns samples of the new map to samples of the old one; None if that assignment is unknown. Maps more
     than ``max_interval`` [s] apart give no motion. A grid that moves faster than ``max_velocity`` [m/s] has jumped.
     """
-    rests = at_rest(geometry, time)
     if geometry == track.geometry and not track.moves:
         return track._replace(time=time), (0, 0)
+    rests = at_rest(geometry, time)
     if not same_grid(track.geometry, geometry):
         return rests, None
     place = (geometry.origin[0], geometry.origin[1], geometry.yaw)
