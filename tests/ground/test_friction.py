@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, Box, Deck, HeightMap, Sphere, Terrain, World
+from tests.bodies import about_z, rotation
 from tests.grounds import end_of, shaped, terrain_of, world_of
 
 GRAVITY = 9.81
@@ -135,6 +136,16 @@ def test_friction_of_each_contact_that_slips_is_on_the_cone_and_against_the_slip
                 slip = np.array(state.linear) + np.cross(state.angular, np.array(point[5]) - state.position)
                 assert np.linalg.norm(friction) == pytest.approx(0.5 * point[9], rel=1e-3, abs=1e-6)
                 assert friction == pytest.approx(-0.5 * point[9] * slip / np.linalg.norm(slip), abs=0.03 * point[9])
+
+
+@pytest.mark.parametrize("share", [1.0, 0.3, 0.0])
+def test_along_an_axis_of_a_box_its_anisotropic_friction_is_that_share_of_all(share: float) -> None:
+    speed, way = 2.0, rotation(about_z(0.4))[:, 0]
+    with world_of(flat(), friction=0.5) as world:
+        world.spawn("sled", Box(0.4, 0.3, 0.1), 1.0, BodyState((0.0, 0.0, 0.05), about_z(0.4), tuple(speed * way)))
+        world.client.changeDynamics(world.bodies["sled"].uid, -1, anisotropicFriction=(share, 1.0, 1.0))
+        world.step(48)
+        assert world.state("sled").linear == pytest.approx((speed - 0.2 * share * 0.5 * GRAVITY) * way, abs=0.03)
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.5, math.pi / 4])

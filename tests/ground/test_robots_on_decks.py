@@ -52,7 +52,7 @@ def thrown(body: Shape | str, drift: FloatArray, waves: float, across: float, ya
     ("body", "waves", "across", "yaw", "error"),
     [
         *((body, 0.0, 1.0, 0.0, 1e-9) for body in (BOX, BALL, ROOT, CHAIN)),
-        *((body, 0.0, 0.5, 0.0, 1e-9) for body in (ROOT, CHAIN)),
+        *((body, 0.0, 0.5, 0.0, 1e-9) for body in (BOX, ROOT, CHAIN)),
         (BOX, 0.1, 1.0, 0.6, 5e-3), (BALL, 0.1, 1.0, 0.6, 1e-9),
     ],
 )  # fmt: skip

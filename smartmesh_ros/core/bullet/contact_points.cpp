@@ -18,6 +18,8 @@ constexpr double FARTHEST = 1e9;
 // Least depth that the solver is told to push a contact out of, and the most of soft contacts [m]: Bullet corrects
 // deeper ones apart from their forces.
 constexpr double LEAST_DEPTH = 1e-3, MOST_DEPTH = 0.03;
+// Least share of anisotropic friction along an axis: the solver divides by it.
+constexpr double LEAST_SHARE = 1e-6;
 
 // Returns the point of a contact, as it is.
 btManifoldPoint point_of(const Contact& contact, const Touching& touching) {
@@ -54,31 +56,40 @@ void tell_speed(double speed, double softness, const Touching& touching, btManif
   point.m_contactERP = speed * dt / depth;
 }
 
-// Tells the solver the velocity along the ground, relative to the proxy, that friction aims at [m/s], and against which
+// Returns a direction of friction as short as the anisotropic friction of a body makes its forces there.
+btVector3 scaled(const btVector3& way, const btCollisionObject& body) {
+  if (!body.hasAnisotropicFriction()) return way;
+  btVector3 shares = body.getAnisotropicFriction();
+  shares.setMax(btVector3(LEAST_SHARE, LEAST_SHARE, LEAST_SHARE));
+  const btMatrix3x3& axes = body.getWorldTransform().getBasis();
+  return axes * (way * axes * shares);
+}
+
+// Tells the solver the velocity of the ground, relative to the proxy, that friction aims at [m/s], and against which
 // slip it acts.
 void tell_slide(const Vec3& slide, const Slip& slip, const Vec3& normal, const Touching& touching,
                 btManifoldPoint& point) {
-  btPlaneSpace1(point.m_normalWorldOnB, point.m_lateralFrictionDir1, point.m_lateralFrictionDir2);
-  if (btRigidBody::upcast(&touching.body) == nullptr || touching.body.hasAnisotropicFriction()) {
+  btVector3 &first = point.m_lateralFrictionDir1, &second = point.m_lateralFrictionDir2;
+  btPlaneSpace1(point.m_normalWorldOnB, first, second);
+  const btVector3 aim = to_bullet(slide);
+  if (btRigidBody::upcast(&touching.body) == nullptr) {
     // As if the body held on to a point of the ground that is where its own is, and which friction pulls it to in the
     // step. The way from the ground to the body has no part in that: it is not along the normal if that is turned.
-    // Directions of anisotropic friction are not along the ground.
-    const btVector3 way = to_bullet(slide) * touching.anchor_time;
+    const btVector3 way = aim * touching.anchor_time;
     if (way.fuzzyZero()) return;
     btVector3 &on_a = point.m_positionWorldOnA, &on_b = point.m_positionWorldOnB;
     (touching.ground_is_b ? on_b : on_a) = (touching.ground_is_b ? on_a : on_b) + way;
     point.m_contactPointFlags |= BT_CONTACT_FLAG_FRICTION_ANCHOR;
     return;
   }
-  const btVector3 aim = to_bullet(slide - normal * dot(slide, normal));
-  // Bullet limits friction along two directions by the same force; a shorter one makes it less.
-  if (const Vec3 along = slip.along - normal * dot(slip.along, normal); norm2(along) > 0.0) {
-    point.m_lateralFrictionDir1 = to_bullet(unit(along));
-    point.m_lateralFrictionDir2 = point.m_lateralFrictionDir1.cross(point.m_normalWorldOnB) * slip.across;
-  }
+  // Bullet limits friction along two directions by the same force; a shorter one makes it less. The second one is
+  // across what slips.
+  if (const Vec3 along = slip.along - normal * dot(slip.along, normal); norm2(along) > 0.0)
+    first = to_bullet(unit(along));
+  first = scaled(first, touching.body);
+  second = scaled(first.cross(point.m_normalWorldOnB).normalized(), touching.body) * slip.across;
   const double sign = touching.ground_is_b ? 1.0 : -1.0;
-  point.m_contactMotion1 = sign * aim.dot(point.m_lateralFrictionDir1);
-  point.m_contactMotion2 = sign * aim.dot(point.m_lateralFrictionDir2);
+  point.m_contactMotion1 = sign * aim.dot(first), point.m_contactMotion2 = sign * aim.dot(second);
   point.m_contactPointFlags |= BT_CONTACT_FLAG_LATERAL_FRICTION_INITIALIZED;
 }
 

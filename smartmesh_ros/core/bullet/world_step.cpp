@@ -234,7 +234,10 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   const bool resists_rolling = !rows_.empty() && rows_[0].friction.rolling + rows_[0].friction.spinning > 0.0;
   slot.ground_angular = resists_rolling ? contacts_[0].ground.angular : Vec3{};
   if (rigid != nullptr) {  // robots have a solver with a cone of its own
-    find_slips(contacts_, before_, approach, {pull, slot.pull, mass_of(*slot.object)}, rows_);
+    // Bullet's anisotropic friction acts against velocities alone.
+    static const std::vector<OldContact> NONE;
+    const auto& before = slot.object->hasAnisotropicFriction() ? NONE : before_;
+    find_slips(contacts_, before, approach, {pull, slot.pull, mass_of(*slot.object)}, rows_);
     slot.pull = pull;
   }
   const bool ground_is_b = manifold.getBody0() == slot.object;
