@@ -143,7 +143,7 @@ void write_contacts(const std::vector<Contact>& contacts, const std::vector<Cont
         from_bullet(touching.ground.getVelocityInLocalPoint(to_bullet(contact.point) - proxy.getOrigin()));
     tell_speed(row.speed - dot(row.normal, carried), row.softness, touching, point);
     tell_slide(row.slide - carried, row.slip, row.normal, touching, point);
-    const OldContact* old = matching(contact, before);
+    const OldContact* old = matching(contact, before, touching.duration);
     if (old == nullptr) continue;
     const btVector3 friction = to_bullet(old->friction * sign);
     point.m_appliedImpulse = old->normal_impulse;

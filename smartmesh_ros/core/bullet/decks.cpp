@@ -55,15 +55,15 @@ void BulletWorld::move_carried() {
   }
 }
 
-// Notes the decks that a body comes near to within its `swept` bounds; returns by how much they may move in the step
-// [m], negative if there is none.
-double BulletWorld::find_decks(Slot& slot, const Bounds& swept) {
+// Notes the decks that a body inside some bounds comes near to in the step; returns by how much they may move [m],
+// negative if there is none.
+double BulletWorld::find_decks(Slot& slot, const Bounds& bounds) {
   slot.decks.clear();
   double moved = -1.0;
   const auto& decks = terrain->decks();
   for (std::size_t k = 0; k < decks.size(); ++k) {
     NearbyDeck near{static_cast<int>(k), {}, 0.0};
-    if (decks[k]->body == slot.body || !is_near(*decks[k], swept, time, duration, near)) continue;
+    if (decks[k]->body == slot.body || !is_near(*decks[k], bounds, slot.linear, time, duration, near)) continue;
     moved = std::max(moved, near.moved);
     slot.decks.push_back(near);
   }
@@ -72,7 +72,7 @@ double BulletWorld::find_decks(Slot& slot, const Bounds& swept) {
 
 void BulletWorld::find_deck_contacts(const Slot& slot, const Convex& shape, const Pose& pose, double step) {
   Approach body = approach_of(slot, step);
-  body.linear = slot.linear, body.ground = {}, body.margin = margin_in(step);
+  body.linear = slot.linear, body.ground = {};
   const auto& decks = terrain->decks();
   for (const NearbyDeck& near : slot.decks)  // a sleeping body may know decks that are gone
     if (near.number < static_cast<int>(decks.size()))

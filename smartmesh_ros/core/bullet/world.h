@@ -188,7 +188,7 @@ class BulletWorld {
   std::vector<bool> find_touching();
   void find_carriers();
   void move_carried();
-  double find_decks(Slot& slot, const Bounds& swept);
+  double find_decks(Slot& slot, const Bounds& bounds);
   void find_deck_contacts(const Slot& slot, const Convex& shape, const Pose& pose, double step);
   void let_decks_yield();
   void react();

@@ -150,10 +150,8 @@ void BulletWorld::place(Slot& slot) {
   const Vec3 at = from_bullet(pose.getOrigin());
   if (!std::isfinite(at.x + at.y + at.z + norm2(slot.linear) + norm2(slot.angular))) return;
   const double size = norm(from_bullet(high - low)), angle = std::min(1.0, norm(slot.angular) * duration);
-  const btVector3 travel = to_bullet(slot.linear * duration);
-  low.setMin(low + travel), high.setMax(high + travel);
-  const double grown = margin_in(duration) + angle * size;
-  const Bounds swept = Bounds{from_bullet(low), from_bullet(high)}.grown(grown);
+  const Bounds bounds = Bounds{from_bullet(low), from_bullet(high)}.grown(margin_in(duration) + angle * size);
+  const Bounds swept = bounds.swept(slot.linear * duration);
   const NearbyGround& near = slot.near = terrain->near(swept, time, duration);
   if (slot.kind.is_own) {
     const bool has_decks = !terrain->decks().empty();  // which are ground above bodies that are far below
@@ -161,7 +159,7 @@ void BulletWorld::place(Slot& slot) {
       maybe_below_.push_back(static_cast<int>(&slot - slots_.data()));
   }
   double moved = (norm(near.velocity) + near.spread) * duration;
-  const double by_decks = terrain->decks().empty() ? -1.0 : find_decks(slot, swept);
+  const double by_decks = terrain->decks().empty() ? -1.0 : find_decks(slot, bounds);
   moved = std::max(moved, by_decks);
   const Bounds reach = swept.grown(moved);
   const bool is_far = near.highest < reach.low.z && by_decks < 0.0;
@@ -211,7 +209,7 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
     SoilPart& part = slot.on_soil[part_number(slot, *body.getCollisionShape())];
     soil->touch(*shape, pose, on_soil(slot, step), before_, part, contacts_, rows_);
   } else {
-    search_.run(*shape, pose, *terrain, time, approach, contacts_);
+    search_.run(*shape, pose, *terrain, time, approach.with_margin(slot.near.spread * step), contacts_);
     contacts_.insert(contacts_.end(), on_decks_.begin(), on_decks_.end());
     seams_.remove_hidden(search_, pose.to_world(shape->centre), contacts_);
     choose_contacts(*shape, pose, approach, before_, contacts_);
@@ -289,7 +287,7 @@ Approach BulletWorld::approach_of(const Slot& slot, double step) const {
   approach.angular = slot.angular;
   approach.linear = slot.linear - slot.near.velocity;
   approach.duration = step;
-  approach.margin = margin_in(step) + slot.near.spread * step;
+  approach.margin = margin_in(step);
   approach.gravity = from_bullet(world_->getGravity());
   approach.ground = slot.near.velocity;
   approach.ahead = step;

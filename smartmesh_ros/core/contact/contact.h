@@ -49,6 +49,12 @@ struct Approach {
   // bounding radius [m].
   double impact = 1.0, angle = 0.0, size = 1e300;
 
+  // Returns the same with a margin that is larger `by` so much [m].
+  Approach with_margin(double by) const {
+    Approach found = *this;
+    found.margin += by;
+    return found;
+  }
   Vec3 velocity_at(const Vec3& p) const { return linear + cross(angular, p - centre); }
   // Returns the velocity of the body relative to the ground at a contact [m/s].
   Vec3 velocity_at(const Contact& contact) const {

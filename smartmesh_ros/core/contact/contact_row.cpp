@@ -159,7 +159,7 @@ void find_slips(const std::vector<Contact>& contacts, const std::vector<OldConta
   for (std::size_t k = 0; k < contacts.size(); ++k) {
     const Contact& contact = contacts[k];
     const auto along_ground = [&](const Vec3& v) { return v - contact.normal * dot(v, contact.normal); };
-    const OldContact* old = matching(contact, before);
+    const OldContact* old = matching(contact, before, approach.duration);
     const double friction = rows[k].friction.sliding, share = static_cast<double>(contacts.size()) / pull.mass;
     const Vec3 slip = along_ground(approach.velocity_at(contact) + contact.ground.velocity - rows[k].slide);
     // Without friction, what does not slip would go where friction held it in the last step, and where it is pulled

@@ -11,11 +11,10 @@ constexpr unsigned SPREAD = 0x9e3779b1u;
 
 // Returns the motion of a body relative to a deck, in the deck's frame.
 Approach seen_from(const FrameState& frame, const NearbyGround& near, const Approach& body) {
-  Approach local = body;
+  Approach local = body.with_margin(near.spread * body.duration);
   const Mat3& rotation = frame.pose.rotation;
   local.centre = frame.pose.to_local(body.centre);
   local.ground = near.velocity;
-  local.margin = body.margin + near.spread * body.duration;
   local.gravity = transposed(rotation, body.gravity);
   local.linear = transposed(rotation, body.linear - frame.velocity_at(body.centre)) - near.velocity;
   local.angular = transposed(rotation, body.angular - frame.velocity.angular);
@@ -24,15 +23,16 @@ Approach seen_from(const FrameState& frame, const NearbyGround& near, const Appr
 
 }  // namespace
 
-bool is_near(Deck& deck, const Bounds& swept, double time, double duration, NearbyDeck& found) {
+bool is_near(Deck& deck, const Bounds& bounds, const Vec3& velocity, double time, double duration, NearbyDeck& found) {
   const FrameState frame = deck.motion.at(time);
-  const Vec3 middle = (swept.low + swept.high) * 0.5;
-  const double radius = norm(swept.high - middle);
-  const double comes = (norm(frame.velocity_at(middle)) + norm(frame.velocity.angular) * radius) * duration;
-  const Bounds local = Deck::local_bounds(frame.pose, swept.grown(comes));
+  const Bounds swept = bounds.swept(velocity * duration);
+  const Vec3 middle = (swept.low + swept.high) * 0.5, carried = frame.velocity_at(middle);
+  const double turns = norm(frame.velocity.angular) * norm(swept.high - middle) * duration;
+  const Bounds local = Deck::local_bounds(frame.pose, bounds.swept((velocity - carried) * duration).grown(turns));
   found.ground = deck.tiles.near(local, time, duration);
-  found.moved = comes + (norm(found.ground.velocity) + found.ground.spread) * duration;
-  return found.ground.highest >= local.low.z - (found.moved - comes);
+  const double moves = (norm(found.ground.velocity) + found.ground.spread) * duration;
+  found.moved = norm(carried) * duration + turns + moves;
+  return found.ground.highest >= local.low.z - moves;
 }
 
 void DeckSearch::add(const Convex& shape, const Pose& pose, Deck& deck, const NearbyDeck& near, double time,

@@ -16,8 +16,9 @@ struct NearbyDeck {
   double moved;
 };
 
-// Returns true if a body that stays inside `swept` in a step, which takes `duration` [s], may touch a deck.
-bool is_near(Deck& deck, const Bounds& swept, double time, double duration, NearbyDeck& found);
+// Returns true if a body inside some bounds, which move at a `velocity` [m/s], may touch a deck in a step that takes
+// `duration` [s].
+bool is_near(Deck& deck, const Bounds& bounds, const Vec3& velocity, double time, double duration, NearbyDeck& found);
 
 // Adds the contacts of a shape at `pose` with a deck at `time` [s], and the deck's ground there to `seams`. `body`:
 // motion of the body relative to the world.

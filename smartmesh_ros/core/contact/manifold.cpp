@@ -191,12 +191,13 @@ void choose_contacts(const Convex& shape, const Pose& pose, const Approach& appr
   choice.write(contacts);
 }
 
-const OldContact* matching(const Contact& contact, const std::vector<OldContact>& before) {
+const OldContact* matching(const Contact& contact, const std::vector<OldContact>& before, double ago) {
+  const Vec3 was = contact.point - contact.ground.velocity * ago;
   const OldContact* best = nullptr;
   double nearest = MATCHING * MATCHING;
   for (const OldContact& old : before) {
     if (old.body_feature == contact.body_feature && old.ground_feature == contact.ground_feature) return &old;
-    const double distance = norm2(old.point - contact.point);
+    const double distance = norm2(old.point - was);
     if (distance < nearest) nearest = distance, best = &old;
   }
   return best;

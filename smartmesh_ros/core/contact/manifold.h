@@ -22,7 +22,8 @@ struct OldContact {
 void choose_contacts(const Convex& shape, const Pose& pose, const Approach& approach,
                      const std::vector<OldContact>& before, std::vector<Contact>& contacts);
 
-// Returns the contact of the last step that became this one: of the same features, or else the nearest; null = none.
-const OldContact* matching(const Contact& contact, const std::vector<OldContact>& before);
+// Returns the contact of the last step, `ago` [s], that became this one: of the same features, or else the nearest on
+// the ground, which moved since; null = none.
+const OldContact* matching(const Contact& contact, const std::vector<OldContact>& before, double ago);
 
 }  // namespace smartmesh

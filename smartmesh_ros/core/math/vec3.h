@@ -79,6 +79,12 @@ struct Bounds {
     return {{std::max(low.x, other.low.x), std::max(low.y, other.low.y), std::max(low.z, other.low.z)},
             {std::min(high.x, other.high.x), std::min(high.y, other.high.y), std::min(high.z, other.high.z)}};
   }
+  // Returns the bounds of a box that moves by a way.
+  Bounds swept(const Vec3& way) const {
+    Bounds found = *this;
+    found.add(low + way), found.add(high + way);
+    return found;
+  }
   Bounds grown(double by) const { return {low - Vec3{by, by, by}, high + Vec3{by, by, by}}; }
   bool contains(const Bounds& other) const {
     return (low.x <= other.low.x) & (other.high.x <= high.x) & (low.y <= other.low.y) & (other.high.y <= high.y) &

@@ -70,7 +70,7 @@ TEST(Deck, IsTouchedAsGroundInItsFrame) {
   const double step = 1.0 / 240.0;
   NearbyDeck near{7, {}, 0.0};
   const Vec3 at = frame.to_world(on_deck.at);
-  ASSERT_TRUE(is_near(deck, Bounds{at, at}.grown(0.2), 0.0, step, near));
+  ASSERT_TRUE(is_near(deck, Bounds{at, at}.grown(0.2), velocity.linear, 0.0, step, near));
   Approach body;
   body.centre = at, body.linear = velocity.linear, body.angular = velocity.angular;
   body.duration = body.ahead = step, body.margin = 1e-3;

@@ -53,7 +53,7 @@ TEST(Manifold, KeepsItsContactsFromStepToStep) {
   std::vector<Contact> second = underside();
   for (Contact& contact : second) contact.distance += 1e-4 * std::sin(7.0 * contact.body_feature);
   choose(before, second);
-  for (const Contact& contact : second) EXPECT_NE(matching(contact, before), nullptr);
+  for (const Contact& contact : second) EXPECT_NE(matching(contact, before, 0.0), nullptr);
 }
 
 }  // namespace
