@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
@@ -36,6 +37,15 @@ class InputError(ValueError):
 
     def __reduce__(self) -> tuple[type[InputError], tuple[str, str]]:
         return type(self), (self.reason, str(self))  # to be sent from another process
+
+
+@contextmanager
+def naming(what: str) -> Iterator[None]:
+    """Begin the message of an `InputError` of the block with ``what`` was refused."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(error.reason, f"{what}: {error}") from None
 
 
 def require(good: bool, reason: str, what: str, value: object, wanted: str) -> None:

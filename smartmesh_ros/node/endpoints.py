@@ -11,6 +11,7 @@ from itertools import product
 from time import monotonic
 from typing import Any
 
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 
 from smartmesh_ros.errors import InputError
@@ -73,7 +74,10 @@ class OwnTopics:
         self._register(given, self.published)
 
     def _register(self, given: str, names: dict[str, str]) -> None:
-        topic = self._resolve(given)
+        try:
+            topic = self._resolve(given)
+        except (ValueError, rclpy_implementation.RCLError) as error:
+            raise InputError("topic", f"{given!r} is no topic: {str(error).partition(', at ')[0]}") from None
         names[topic] = given
         if topic in self.taken and topic in self.published:
             taken, advice = self.taken[topic], "remap one of them elsewhere"

@@ -78,20 +78,25 @@ def started(make_node: Callable[[], Any], args: Sequence[str] | None) -> Iterato
         stop.starting = False
         warn_of_unused_overrides(node)
         yield node, stop
-    except (InputError, rclpy_implementation.RCLError) as error:
-        words = "" if isinstance(error, InputError) else "no security, which ROS_SECURITY_ENABLE asks for: "
-        if node is not None or (words and os.environ.get("ROS_SECURITY_ENABLE", "").lower() != "true"):
+    except BaseException as error:
+        if stop.starting and stop.asked:  # whatever the error is: compiled code makes others of the interrupt
+            sys.exit()
+        insecure = isinstance(error, rclpy_implementation.RCLError) and _asks_for_security()
+        if node is not None or not (insecure or isinstance(error, InputError)):
             raise
+        words = "no security, which ROS_SECURITY_ENABLE asks for: " if insecure else ""
         print(f"cannot start: {words}{error}", file=sys.stderr)
         sys.exit(2)
-    except KeyboardInterrupt:
-        sys.exit()
     finally:
         # Otherwise, if Python ends without freeing its objects, peers may send to the shared memory of this node, and
         # not to that of the next one.
         if node is not None:
             node.destroy_node()
         try_shutdown()
+
+
+def _asks_for_security() -> bool:
+    return os.environ.get("ROS_SECURITY_ENABLE", "").lower() == "true"
 
 
 def spin(make_node: Callable[[], Any], args: Sequence[str] | None = None) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, naming
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.material import MOST_SOILS
 
@@ -97,12 +97,11 @@ def _soil(name: str, values: Any) -> SoilType:
     if unknown := [str(key) for key in numbers if key not in known]:
         raise InputError("soil", f"soil {name!r} has no parameter {unknown[0]!r}; known: {', '.join(known)}")
     try:
-        return SoilType(**numbers)
+        with naming(f"soil {name!r}"):
+            return SoilType(**numbers)
     except TypeError:
         missing = [key for key in known[:6] if key not in numbers]
         raise InputError("soil", f"soil {name!r} lacks {', '.join(missing)}") from None
-    except InputError as error:
-        raise InputError("soil", f"soil {name!r}: {error}") from None
 
 
 def soils_from(soil: SoilType | str | Sequence[SoilType | str]) -> list[SoilType]:

@@ -5,7 +5,7 @@ import gc
 import resource
 import signal
 import subprocess
-import sys
+from collections.abc import Iterator
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -17,6 +17,7 @@ from rclpy.node import Node
 from smartmesh_msgs.msg import Heightmap
 from smartmesh_msgs.srv import QueryGround
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.running import run
 from smartmesh_ros.node.timing.pacing import Pacer
 from smartmesh_ros.startup.dds import isolated_unless_chosen, require_domain
@@ -26,6 +27,15 @@ from tests.node.test_faults import on_map
 from tests.preloaded import has_ended
 
 pytestmark = pytest.mark.usefixtures("executables")
+
+
+@pytest.fixture
+def own_signals() -> Iterator[None]:
+    """A node of this process takes the signals; after the test they are as before."""
+    kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in kept.items():
+        signal.signal(number, handler)
 
 
 def test_a_signal_ends_the_node_cleanly(probe: Probe) -> None:
@@ -62,14 +72,20 @@ def test_a_signal_ends_a_program_and_the_nodes_that_it_started(
         wait_until(lambda: all(has_ended(child.pid) for child in children))
 
 
-def test_the_rover_imports_matplotlib_before_signals_raise_errors() -> None:
-    """Ctrl-C at the start was now and then an ImportError or a RuntimeError of Matplotlib's."""
-    code = (
-        "import sys; from smartmesh_ros.tools.demo import rover; "
-        "rover.spin = lambda *_: print('matplotlib.cbook' in sys.modules); rover.main([])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, timeout=TIMEOUT, check=True)
-    assert done.stdout == "True\n"
+@pytest.mark.parametrize("made_of_it", [KeyboardInterrupt, ImportError, RuntimeError, InputError])
+def test_a_signal_during_the_start_ends_a_node_whatever_error_compiled_code_makes_of_it(
+    own_signals: None, made_of_it: type[BaseException]
+) -> None:
+    """As Matplotlib's imports do."""
+
+    def make() -> None:
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        raise made_of_it(*["initialization failed"] * 2)
+
+    with pytest.raises(SystemExit) as end:
+        run(make, [])
+    assert not end.value.code
 
 
 def test_ctrl_c_ends_a_view_whose_demo_starts() -> None:
@@ -140,7 +156,7 @@ def test_a_node_runs_with_its_standard_streams_closed(probe: Probe) -> None:
     assert process.returncode == 0
 
 
-def test_a_node_counts_no_deadlines_while_it_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_node_counts_no_deadlines_while_it_starts(own_signals: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its clock goes on by 1000 s while it is made, as if it read a large file."""
     missed, started = list[int](), [0.0]
 
@@ -157,12 +173,7 @@ def test_a_node_counts_no_deadlines_while_it_starts(monkeypatch: pytest.MonkeyPa
             signal.raise_signal(signal.SIGTERM)
 
     monkeypatch.setattr(gc, "freeze", int)  # the node would be kept
-    kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        run(Slow, [])
-    finally:
-        for number, handler in kept.items():
-            signal.signal(number, handler)
+    run(Slow, [])
     assert missed[0] < 100
 
 

@@ -14,7 +14,13 @@ from pybullet_utils.bullet_client import BulletClient
 from shape_msgs.msg import SolidPrimitive
 from simulation_interfaces.msg import Result
 from simulation_interfaces.srv import SpawnEntity
-from smartmesh_msgs.msg import BodyDescription, BodySpecification, TrackedBody, TrackedBodyArray
+from smartmesh_msgs.msg import (
+    BodyDescription,
+    BodyDescriptionArray,
+    BodySpecification,
+    TrackedBody,
+    TrackedBodyArray,
+)
 from smartmesh_msgs.srv import RemoveBody, SpawnBodies, SpawnBody
 from std_msgs.msg import String
 
@@ -174,6 +180,27 @@ def test_every_body_is_described_while_it_is_there() -> None:
         assert guest.tracked and guest.dimensions[0] == pytest.approx(0.7)
         assert run.call("remove_body", RemoveBody.Request(id="box")).success
         assert described().keys() == found.keys() - {"box"}
+
+
+def test_whoever_listens_late_hears_of_no_body_that_is_gone(shared: Probe) -> None:
+    """Also if nobody listened when it went."""
+    show_level_ground(shared)
+    topic = shared.topic("body_descriptions")
+
+    def first_heard() -> list[str]:
+        messages: list[BodyDescriptionArray] = []
+        subscription = shared.node.create_subscription(BodyDescriptionArray, topic, messages.append, LATCHED)
+        shared.wait_for(lambda: messages)
+        shared.node.destroy_subscription(subscription)
+        shared.wait_for(lambda: not shared.node.count_subscribers(topic))
+        return [body.id for body in messages[0].bodies]
+
+    for name in ("old", "new"):
+        spawn(shared, name, (2.0, 2.0, 0.5))
+        for _ in range(2):  # longer than the period of what is latched
+            shared.diagnostics("bodies")
+        assert first_heard() == [name]
+        assert shared.call("remove_body", RemoveBody, id=name).success
 
 
 def test_texts_may_begin_with_a_byte_order_mark() -> None:

@@ -154,8 +154,10 @@ def test_an_option_of_ros_without_its_mark_is_told_where_it_belongs(capsys: pyte
 
 def test_a_parameter_file_that_rcl_does_not_read_is_refused_by_name(tmp_path: Path) -> None:
     file = tmp_path / "bad.yaml"
-    file.write_text("/**:\n  ros__parameters:\n    physics.gravity: [0.0, -9.81\n")
-    assert str(file) in refusal_at_start({}, ["--params-file", str(file)])
+    for value, words in (("[0.0, -9.81", ""), ("[0, 0, -9.81]", "of the same type, so write [0.0, 0.0, -9.81]")):
+        file.write_text(f"/**:\n  ros__parameters:\n    physics.gravity: {value}\n")
+        refusal = refusal_at_start({}, ["--params-file", str(file)])
+        assert str(file) in refusal and words in refusal
 
 
 @pytest.mark.parametrize("specs", [SPECS, *(specs for _, specs in OTHER_NODES.values())])

@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import TrackedBodyArray
 from std_msgs.msg import Header
 
-from smartmesh_ros.errors import InputError, listed
+from smartmesh_ros.errors import InputError, listed, naming
 from smartmesh_ros.ground.limits import SIZES, require_between, require_possible
 from smartmesh_ros.ground.shapes import Sphere
 from smartmesh_ros.ground.state import BodyState
@@ -46,7 +46,8 @@ class BodyInputs:
         self._told = -LOG_PERIOD  # steady time of that line [s]
         shapes = session.settings.shapes
         self._solids = {entry.body: entry.solid for entry in shapes if entry.solid is not None}
-        self._robots = {entry.body: TrackedRobot(entry.body, entry.urdf) for entry in shapes if entry.urdf}
+        with naming("bodies.shapes"):
+            self._robots = {entry.body: TrackedRobot(entry.body, entry.urdf) for entry in shapes if entry.urdf}
         self._sources = dict(session.settings.frames)
         self._frames = FollowedFrames(session, transforms, SOURCE, self._sources, self._follow)
         self.refresh = self._frames.refresh  # before each step
@@ -55,11 +56,12 @@ class BodyInputs:
         session.listen(JointState, "joint_commands", self._on_joint_commands, BEST_EFFORT)
         if self._robots:
             session.listen(JointState, "tracked_joint_states", self._on_tracked_joints, BEST_EFFORT)
-        for name, topic in session.settings.poses:
-            session.listen(PoseStamped, topic, partial(self._on_pose, name, topic), BEST_EFFORT, private=False)
-        for name, topic in session.settings.odometry:
-            session.listen(Odometry, topic, partial(self._on_odometry, name, topic), BEST_EFFORT, private=False)
-
+        with naming("bodies.poses"):
+            for name, topic in session.settings.poses:
+                session.listen(PoseStamped, topic, partial(self._on_pose, name, topic), BEST_EFFORT, private=False)
+        with naming("bodies.odometry"):
+            for name, topic in session.settings.odometry:
+                session.listen(Odometry, topic, partial(self._on_odometry, name, topic), BEST_EFFORT, private=False)
         for entry in session.settings.bases:
             drive, name = partial(self._drive, session.bases[entry.body]), topic_name(entry.body)
             session.listen(Twist, f"cmd_vel/{name}", drive, BEST_EFFORT)

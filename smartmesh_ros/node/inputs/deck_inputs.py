@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from nav_msgs.msg import Odometry
 
+from smartmesh_ros.errors import naming
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.ground.transform import Transform, fixed_to
 from smartmesh_ros.node.inputs import conversions
@@ -48,7 +49,8 @@ class DeckInputs:
         self._frames = FollowedFrames(session, transforms, SOURCE, frames, self._follow)
         for name, entry in self._entries.items():
             if entry.source == "odometry":
-                session.listen(Odometry, entry.name, partial(self._on_odometry, name), BEST_EFFORT, private=False)
+                with naming(SOURCE):
+                    session.listen(Odometry, entry.name, partial(self._on_odometry, name), BEST_EFFORT, private=False)
         self.take_restored()
 
     def take_restored(self) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 from rclpy.qos import QoSProfile
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TerrainMesh, TerrainMeshUpdate
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, naming
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.io import files
 from smartmesh_ros.io.rasters import Raster
@@ -69,7 +69,8 @@ class TerrainInputs:
             self._listen_to_occupancy_updates(updates)
         session.terrain_subscriptions = session.subscriptions[before:]
         if settings.file:
-            self.load(files.load(settings.file, settings.raster, MOST_SAMPLES))
+            with naming("terrain.file"):
+                self.load(files.load(settings.file, settings.raster, MOST_SAMPLES))
 
     def forget_stamps(self) -> None:
         """Accepts any stamps from now on, after a reset."""

@@ -123,8 +123,8 @@ class Diagnostics:
         """Return that there is no map yet, and why, if that may be known; log why when it is found again."""
         node, before = self._session.node, self._unheard
         self._unheard = unheard_latched(node, self._session.terrain_subscriptions)
-        waits = self._session.waits_for_clock  # and so may the publisher
-        if self._unheard and self._unheard == before and not self._told and not waits:
+        # A node that waits for the clock says nothing, because the publisher may wait for it, too.
+        if self._unheard and self._unheard == before and not (self._told or self._session.waits_for_clock):
             node.get_logger().warning(f"no map yet: {self._unheard}")
             self._told = True
         return f"no map yet: {self._unheard}" if self._unheard else "no map yet"

@@ -13,15 +13,16 @@ PERIOD = 0.1
 
 
 class LatchedOutput:
-    """An output that is published when it has changed, while its topic has subscribers. ``read``: returns what the
-    message depends on; ``make``: returns the message of that. ``publisher``: of the messages."""
+    """An output that is published when it has changed, from its first subscriber on: the message that a later one gets
+    is never old. ``read``: returns what the message depends on; ``make``: returns the message of that. ``publisher``:
+    of the messages."""
 
     def __init__(
         self, session: Session, kind: Any, topic: str, read: Callable[[], Any], make: Callable[[Any], Any]
     ) -> None:
         self._session, self._read, self._make = session, read, make
         self.publisher = session.publisher(kind, topic, LATCHED)
-        self._sent: Any = None  # what the last message was made of; None = no subscribers
+        self._sent: Any = None  # what the last message was made of; None = no subscribers so far
         self._due = 0.0
 
     def publish(self) -> None:
@@ -30,8 +31,8 @@ class LatchedOutput:
         if now < self._due:
             return
         self._due = now + PERIOD
-        if not self.publisher.get_subscription_count():
-            self._sent = None
-        elif (found := self._read()) != self._sent:
+        if self._sent is None and not self.publisher.get_subscription_count():
+            return
+        if (found := self._read()) != self._sent:
             self.publisher.publish(self._make(found))
             self._sent = found

@@ -171,8 +171,8 @@ class Publishing:
         """Deletes patches and scene from the displays of subscribers, which keep them else."""
         end = self._now() + LAST_WORDS
         of_displays = {"patches": [self._session.marker_namespace], "scene": self._scene.namespaces}
-        watched = {name: self._outputs[name].publisher for name in of_displays}
-        watched = {name: publisher for name, publisher in watched.items() if publisher.get_subscription_count()}
+        publishers = {name: self._outputs[name].publisher for name in of_displays}
+        watched = {name: publisher for name, publisher in publishers.items() if publisher.get_subscription_count()}
         for name, publisher in watched.items():
             with self._session.enduring(name):
                 markers = [patch_outputs.deletion(self._header(), space) for space in of_displays[name]]

@@ -127,6 +127,15 @@ def number_value(spec: Spec, text: str) -> Any:
     return numbers[0] if len(numbers) == 1 else text
 
 
+def _typed(spec: Spec, given: Parameter) -> Parameter:
+    """Return a parameter of the type that a text or nothing stands for."""
+    if given.type_ is Parameter.Type.STRING:
+        return Parameter(spec.name, value=number_value(spec, given.value))
+    if given.value is None and spec.default == []:
+        return Parameter(spec.name, Parameter.Type.STRING_ARRAY, [])
+    return given
+
+
 def _kind(spec: Spec) -> type:
     """Return the type of a parameter's value, or of the entries of a list."""
     return type(next(iter(spec.default), "")) if isinstance(spec.default, list) else type(spec.default)
@@ -231,25 +240,19 @@ class ParameterNode(Node):
         for spec in specs:
             # rcl delivers the empty list of a file as no value, which a dump of the parameters would write as null.
             given = given_parameters(self).get(spec.name)
-            empty = given is not None and given.value is None and spec.default == []
-            try:
-                self.declare_parameter(spec.name, spec.default, _descriptor(spec), ignore_override=empty)
-            except ParameterException as error:
-                raise InputError("parameter", f"{error}; {spec.rule}") from None
+            value = spec.default if given is None else checked_value(spec, plain_value(given))
+            empty = value == spec.default == []
+            self.declare_parameter(spec.name, spec.default, _descriptor(spec), ignore_override=empty)
         for given in sorted(given_parameters(self)):
             if not self.has_parameter(given) and not given.startswith(QOS):
                 self.get_logger().warning(f"parameter {given!r} is unknown and has no effect{nearest(given, specs)}")
         self.values = checked(current_values(self, specs), specs)
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """Set parameters like rclpy, with refusals that say what would be right, and numbers that are given as text."""
+        """Set parameters like rclpy, with refusals that say what would be right, numbers that are given as text, and
+        empty lists without a type. rclpy would delete such a list, which other changes then miss."""
         specs = {spec.name: spec for spec in self._specs}
-        parameter_list = [
-            Parameter(one.name, value=number_value(specs[one.name], one.value))
-            if one.name in specs and one.type_ is Parameter.Type.STRING
-            else one
-            for one in parameter_list
-        ]
+        parameter_list = [_typed(specs[one.name], one) if one.name in specs else one for one in parameter_list]
         for name in (parameter.name for parameter in parameter_list):
             if reason := self._objection(name):
                 return SetParametersResult(successful=False, reason=reason)

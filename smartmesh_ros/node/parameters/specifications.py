@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial, reduce
 from pathlib import Path
@@ -14,7 +14,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, naming
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.declaring import Spec
@@ -170,13 +170,25 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     v["bodies.peers"] = peer_names(v["bodies.peers"])
     v |= {name: output_entries(name, v[name]) for name in ("height_scans", "ground_maps", "imus", "bases")}
     v |= {name: parse(name, v[name]) for name, parse in (("decks", deck_entries), ("bodies.shapes", shape_entries))}
+    try:
+        return _settings(v, SPECS)
+    except InputError:
+        for spec in SPECS:
+            with naming(spec.name):
+                _settings(v, [spec])
+        raise
+
+
+def _settings(values: Mapping[str, Any], specs: Iterable[Spec]) -> Settings:
+    """Return the settings with the values of the parameters ``specs`` in their places, and the defaults of others."""
     tree: dict[str, Any] = {}
-    for spec in SPECS:
+    for spec in specs:
         *owners, field = spec.place.split(".")
         branch = tree
         for owner in owners:
             branch = branch.setdefault(owner, {})
-        branch[field] = tuple(v[spec.name]) if isinstance(v[spec.name], list) else v[spec.name]
+        value = values[spec.name]
+        branch[field] = tuple(value) if isinstance(value, list) else value
     return _with(DEFAULTS, tree)
 
 

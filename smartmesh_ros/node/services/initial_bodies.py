@@ -13,7 +13,7 @@ from typing import Any
 
 from std_msgs.msg import String
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, naming
 from smartmesh_ros.ground.quaternions import Z, about
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.state import BodyState
@@ -69,7 +69,8 @@ class InitialBodies:
         self._waiting: list[str] = []
         self._standing: set[str] = set()  # bodies that are being put onto the ground
         for entry in entries_from(session.settings.spawn).values():
-            self.add(entry)
+            with naming("bodies.spawn"):
+                self.add(entry)
 
     def add(self, entry: Entry) -> None:
         """Add an entry, or replace the entry of the same name, and spawn its body unless it must wait for terrain.
@@ -192,7 +193,8 @@ class RobotDescription:
         self._received = self._applied = 0  # numbers of descriptions
         self._entry = start_from(session.settings.robot.start or START)
         if session.settings.robot.description:
-            self._take(prepare_robot(with_package_paths(session.settings.robot.description)))
+            with naming("robot.description"):
+                self._take(prepare_robot(with_package_paths(session.settings.robot.description)))
         session.listen(String, "robot_description", self._on_description, LATCHED)
 
     @property

@@ -5,9 +5,7 @@ Started beside a terrain_collider with soil, as ``soil.launch.py rover:=true`` d
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Sequence
-from contextlib import suppress
 from typing import Any
 
 from sensor_msgs.msg import JointState
@@ -83,6 +81,4 @@ class Rover(ParameterNode):
 def main(args: Sequence[str] | None = None) -> None:
     """Run the node until SIGINT or SIGTERM."""
     answer(NAME, __doc__, SPECS, None if args is None else list(args))
-    with suppress(ModuleNotFoundError):  # before signals raise errors, which its compiled parts make others of
-        importlib.import_module("matplotlib.cbook")
     spin(Rover, args)
