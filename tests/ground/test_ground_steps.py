@@ -4,9 +4,11 @@ import math
 from typing import Any
 
 import numpy as np
+import pybullet as pb
 import pytest
 
-from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
+from smartmesh_ros import HeightMap
+from smartmesh_ros.ground.shapes import Box, Cylinder, Hull, Shape, Sphere
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.bodies import ground_of, height, put, run
 from tests.core import mesh_parts
@@ -33,6 +35,31 @@ def test_a_body_that_a_map_covers_is_lifted_onto_it_and_no_higher(
         heights.append(height(client, body))
     assert max(heights) == pytest.approx(cover + 0.01, abs=1e-3)
     assert heights[-1] == pytest.approx(cover + 0.01, abs=1e-4)
+
+
+@pytest.mark.parametrize("maximal", [False, True])
+def test_what_stands_astride_a_peak_is_above_the_ground(client: Any, maximal: bool) -> None:
+    """The middle of a table, or of the box around a hull on its tip, may be inside the peak."""
+    heights = np.zeros((41, 41))
+    heights[20, 20] = 0.5
+    terrain = HeightMap(heights, resolution=0.1, origin=(-2.0, -2.0))
+    on_tip = Hull(((-0.5, -0.5, 0.0), (-0.5, -0.5, 0.8), (0.5, -0.5, 0.8), (-0.5, 0.5, 0.8)))
+    legs = [(x, y, -0.35) for x in (-0.4, 0.4) for y in (-0.4, 0.4)]
+    table = client.createCollisionShapeArray(
+        shapeTypes=[pb.GEOM_BOX] * 5,
+        halfExtents=[(0.5, 0.5, 0.03)] + [(0.03, 0.03, 0.35)] * 4,
+        collisionFramePositions=[(0.0, 0.0, 0.0), *legs],
+    )
+    standing = client.createMultiBody(1.0, table, basePosition=(0.0, 0.0, 0.701), useMaximalCoordinates=maximal)
+    ground = ground_of(client, terrain, standing)
+    run(ground, 120)
+    assert height(client, standing) == pytest.approx(0.7, abs=1e-4)
+    ground.attach(put(client, on_tip, (0.0, 0.0, 0.01), useMaximalCoordinates=maximal))
+    ground.update(ground.clock, DT)
+    assert ground.rescues == 0
+    client.resetBasePositionAndOrientation(standing, (0.0, 0.0, -0.3), (0.0, 0.0, 0.0, 1.0))
+    ground.update(ground.clock, DT)
+    assert ground.rescues == 1
 
 
 def test_bodies_that_physics_does_not_move_stay_where_they_are(client: Any) -> None:

@@ -7,8 +7,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, HeightMap, Sphere, World
+from smartmesh_ros import BodyState, Box, HeightMap, Sphere, Terrain, World
 from smartmesh_ros.core import CORE
+from smartmesh_ros.terrain.grid import FloatArray
 from tests.ground.reaching import balls_on
 from tests.grounds import terrain_of, world_of
 
@@ -70,6 +71,25 @@ def test_boxes_slide_across_a_border_as_over_one_map(name: str) -> None:
     expected = 9.81 * slope / math.sqrt(1.0 + slope**2)
     assert [math.hypot(*state.linear) for state in states] == pytest.approx([expected] * 9, rel=0.001)
     assert all(state.position[0] < 0.0 for state in states), "they have crossed the border"
+
+
+@pytest.mark.parametrize("gap", [-0.4, 0.0, 0.2])
+def test_tiles_side_by_side_end_where_one_map_does(gap: float) -> None:
+    """A gap is between maps: beyond the outer edge of both, balls roll off."""
+    beyond = np.linspace(-0.5, 0.5, 21)
+
+    def rolled(terrain: Terrain) -> FloatArray:
+        for y in (5.01, 5.1, 5.19):
+            assert np.isnan(terrain.at(np.column_stack([beyond, np.full(21, y)]), time=20.0).heights).all()
+        with World(terrain) as world:
+            for k, x in enumerate(beyond):
+                world.spawn(f"{k}", Sphere(0.15), 1.0, BodyState((x, 5.01, 0.16 + surface(x, 5.0))))
+            world.step(60)
+            return np.array([world.state(f"{k}").position for k in range(21)])
+
+    two = terrain_of(west=tile(-10, -5, 51, 51, 0.2), east=tile(gap, -5, 51, 51, 0.2))
+    one = terrain_of(whole=tile(-10, -5, 51, 101, 0.2))
+    np.testing.assert_allclose(rolled(two), rolled(one), atol=1e-6)
 
 
 def test_a_tile_that_comes_is_replaced_or_goes_is_what_its_bodies_stand_on() -> None:

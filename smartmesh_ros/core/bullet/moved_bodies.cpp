@@ -1,6 +1,7 @@
 // Bodies that are moved without physics: with corrections of the ground, or back onto it.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include <BulletDynamics/Dynamics/btRigidBody.h>
@@ -118,10 +119,17 @@ void BulletWorld::move_with_corrections() {
   }
 }
 
-GroundPoint BulletWorld::ground_above_middle(int slot, GroundReader& reader) const {
+// What has a part above the ground is not below it: it may stand astride.
+GroundPoint BulletWorld::ground_above_all_parts(int slot, GroundReader& reader) const {
   const Slot& it = slots_[slot];
-  const Vec3 middle = Solid(it.body_shape->outline, body_pose(it.object->getWorldTransform())).centre;
-  return ground_above(reader, middle, it.body);
+  const Pose pose = from_bullet(it.object->getWorldTransform());
+  GroundPoint highest{-std::numeric_limits<double>::infinity(), {}};
+  for (const ShapePart& part : it.body_shape->parts) {
+    const GroundPoint ground = ground_above(reader, pose.to_world(part.inside), it.body);
+    if (std::isnan(ground.height)) return ground;
+    if (ground.height > highest.height) highest = ground;
+  }
+  return highest;
 }
 
 std::vector<int> BulletWorld::find_below() {
@@ -130,7 +138,7 @@ std::vector<int> BulletWorld::find_below() {
   std::vector<int> found;
   for (int k = 0; k < static_cast<int>(slots_.size()); ++k) {
     if (!slots_[k].kind.is_own || slots_[k].object == nullptr) continue;
-    if (!std::isnan(ground_above_middle(k, reader).height)) found.push_back(k);
+    if (!std::isnan(ground_above_all_parts(k, reader).height)) found.push_back(k);
   }
   return found;
 }
@@ -155,7 +163,7 @@ void BulletWorld::lift_bodies() {
   GroundReader reader = terrain->reader(time, INSTANT);
   for (int k : maybe_below_) {
     if (slots_[k].object == nullptr) continue;
-    const GroundPoint ground = ground_above_middle(k, reader);
+    const GroundPoint ground = ground_above_all_parts(k, reader);
     if (std::isnan(ground.height)) continue;
     const BodyPose pose = body_pose(slots_[k].object->getWorldTransform());
     const Lift lift{ground.height - slots_[k].body_shape->lowest(pose), ground.velocity.z};

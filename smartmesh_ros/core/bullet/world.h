@@ -180,7 +180,7 @@ class BulletWorld {
   void read_velocity(Slot& slot) const;
   void place_proxies();
   void place(Slot& slot);
-  GroundPoint ground_above_middle(int slot, GroundReader& reader) const;
+  GroundPoint ground_above_all_parts(int slot, GroundReader& reader) const;
   void move_with_corrections();
   void lift_bodies();
   void lift_body(int body, double by, double rate);

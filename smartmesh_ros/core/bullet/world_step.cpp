@@ -155,7 +155,7 @@ void BulletWorld::place(Slot& slot) {
   const NearbyGround& near = slot.near = terrain->near(swept, time, duration);
   if (slot.kind.is_own) {
     const bool has_decks = !terrain->decks().empty();  // which are ground above bodies that are far below
-    if (has_decks || near.highest > (pose * to_bullet(slot.body_shape->outline.offset)).z())
+    if (has_decks || near.highest > (pose * to_bullet(slot.body_shape->parts[0].inside)).z())
       maybe_below_.push_back(static_cast<int>(&slot - slots_.data()));
   }
   double moved = (norm(near.velocity) + near.spread) * duration;

@@ -96,23 +96,26 @@ GroundPoint TileReader::sample(double x, double y) {
   return on_any ? GroundPoint{NONE, {}} : bridged(x, y);
 }
 
-// Interpolates between the edges of at least two maps.
+// Interpolates between the edges of maps, of which at least two lie on different sides.
 GroundPoint TileReader::bridged(double x, double y) {
   double weights = 0.0;
   GroundPoint sum{0.0, {}};
-  int sides = 0;
+  bool is_between = false;
+  std::vector<Vec3> ways;  // to the edges [m]
   for (Tile& tile : tiles_) {
-    const GridPoint place = tile.place(x, y);
+    const GridPoint place = tile.place(x, y), nearest = clamped(*tile.grid, place);
     const double distance = tile.beyond(place);
     if (!(distance > 0.0 && distance <= widest_gap_)) continue;
-    const GridFacet edge = facet_at(*tile.grid, tile.reader, clamped(*tile.grid, place), ahead_);
+    const GridFacet edge = facet_at(*tile.grid, tile.reader, nearest, ahead_);
     if (std::isnan(edge.height)) continue;
     weights += 1.0 / distance;
     sum.height += edge.height / distance;
     sum.velocity = sum.velocity + tile.velocity(x, y, edge.velocity) * (1.0 / distance);
-    ++sides;
+    const Vec3 way = tile.pose.point(nearest, tile.grid->resolution) - Vec3{x, y, 0.0};
+    for (const Vec3& other : ways) is_between |= way.x * other.x + way.y * other.y < 0.0;
+    ways.push_back(way);
   }
-  return sides < 2 ? GroundPoint{NONE, {}} : GroundPoint{sum.height / weights, sum.velocity * (1.0 / weights)};
+  return is_between ? GroundPoint{sum.height / weights, sum.velocity * (1.0 / weights)} : GroundPoint{NONE, {}};
 }
 
 bool TileReader::continues(std::size_t number, double x, double y) {

@@ -40,17 +40,18 @@ Shape box_around(const std::vector<ShapePart>& parts, double radius) {
 }  // namespace
 
 ShapePart primitive_part(ShapeKind kind, const Vec3& half, double rounding, const BodyPose& pose) {
-  return {{kind, half, rounding, pose.at, pose.orientation, core_radius(kind, half) + rounding}, {}};
+  return {{kind, half, rounding, pose.at, pose.orientation, core_radius(kind, half) + rounding}, pose.at, {}};
 }
 
 ShapePart hull_part(const std::vector<Vec3>& points, double rounding) {
   Bounds bounds;
   for (const Vec3& point : points) bounds.add(point);
   const Vec3 middle = (bounds.low + bounds.high) * 0.5;
-  ShapePart part{{ShapeKind::Hull, (bounds.high - bounds.low) * 0.5, rounding, middle}, {}};
+  ShapePart part{{ShapeKind::Hull, (bounds.high - bounds.low) * 0.5, rounding, middle}, {}, {}};
   double farthest = 0.0;
   for (const Vec3& point : points) {
     part.vertices.push_back(point - middle);
+    part.inside = part.inside + point * (1.0 / static_cast<double>(points.size()));
     farthest = std::max(farthest, norm(part.vertices.back()));
   }
   part.shape.bounding_radius = farthest + rounding;

@@ -7,9 +7,10 @@
 
 namespace smartmesh {
 
-// A convex part of a body; `vertices`: of a hull, about its middle [m].
+// A convex part of a body. `inside`: a point inside it [m]; `vertices`: of a hull, about the middle of its bounds [m].
 struct ShapePart {
   Shape shape;
+  Vec3 inside;
   std::vector<Vec3> vertices;
 };
 
