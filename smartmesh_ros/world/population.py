@@ -66,11 +66,8 @@ class Population(Driving):
         some part of the body is over no ground is refused.
         """
         self._require_free(name)
-        state = state or BodyState()
-        if on_ground:
-            state = finished(self.stance_of(name, shape, state, align=align)).on(self.ground_at, clearance)
-        require_possible(name, state)
-        self._add(self._factory.simulated(name, shape, mass, state))
+        start = self._start_of(name, shape, state, on_ground=on_ground, clearance=clearance, align=align)
+        self._add(self._factory.simulated(name, shape, mass, start))
 
     def spawn_robot(
         self,
@@ -88,12 +85,9 @@ class Population(Driving):
         A robot that was prepared by `prepare_robot`, in another thread for example, is added in a few milliseconds.
         """
         self._require_free(name)
-        state = state or BodyState()
-        robot = prepare_robot(urdf) if isinstance(urdf, str) else urdf
-        if on_ground:
-            state = finished(self.stance_of(name, robot, state, align=align)).on(self.ground_at, clearance)
-        require_possible(name, state)
-        self._add(self._factory.robot(name, robot, state))
+        robot = prepare_robot(urdf)
+        start = self._start_of(name, robot, state, on_ground=on_ground, clearance=clearance, align=align)
+        self._add(self._factory.robot(name, robot, start))
 
     def stance_of(
         self, name: str, what: Shape | PreparedRobot, state: BodyState, *, align: bool = False
@@ -131,8 +125,7 @@ class Population(Driving):
         """Replace a robot by another at the current pose of its base; raises `InputError` and changes nothing if the
         URDF does not load."""
         old = self._own_body(name)
-        robot = prepare_robot(urdf) if isinstance(urdf, str) else urdf
-        new = self._factory.robot(name, robot, self.state(name))
+        new = self._factory.robot(name, prepare_robot(urdf), self.state(name))
         new.initial = old.initial
         self._exchange(old, new)
 
@@ -213,14 +206,22 @@ class Population(Driving):
 
     @contextmanager
     def _beside(self) -> Iterator[Any]:
-        """Give the block an empty PyBullet beside the world's. A later block may get the same one, because to make one
-        takes longer than most measurements."""
+        """Give the block an empty PyBullet beside the world's, kept for later blocks: to connect one takes 20 ms."""
         client: Any = self._spare.pop() if self._spare else BulletClient(pb.DIRECT)
         client.resetSimulation()
         try:
             yield client
         finally:
             self._spare.append(client)
+
+    def _start_of(self, name: str, what: Shape | PreparedRobot, state: BodyState | None, **standing: Any) -> BodyState:
+        """Return the state in which a new body starts; ``standing``: options of `spawn`. Raises `InputError`."""
+        state = state or BodyState()
+        if standing["on_ground"]:
+            stance = finished(self.stance_of(name, what, state, align=standing["align"]))
+            state = stance.on(self.ground_at, standing["clearance"])
+        require_possible(name, state)
+        return state
 
     def _own_body(self, name: str) -> Body:
         """Return a body that this world simulates or tracks; raises `InputError` for a remote body."""
@@ -261,9 +262,7 @@ class Population(Driving):
         if owner := self.guests.owner_of(name):
             raise InputError("duplicate_id", f"{name!r} is simulated by {owner} already; choose another name")
         if name in self.bodies:
-            raise InputError(
-                "duplicate_id", f"there is a body {name!r} already; remove it first or choose another name"
-            )
+            raise InputError("duplicate_id", f"there is a body {name!r} already; remove it or choose another name")
 
     def _add(self, body: Body) -> None:
         self._put_on_ground(body)

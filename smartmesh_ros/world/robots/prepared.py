@@ -70,13 +70,15 @@ _remembered: OrderedDict[str, Mapping[str, bytes]] = OrderedDict()
 _lock = Lock()
 
 
-def prepare_robot(urdf: str) -> PreparedRobot:
-    """Prepare a robot from its URDF text (starts with ``<``) or the path of its file. Raises `InputError` if the robot
-    cannot be simulated.
+def prepare_robot(urdf: str | PreparedRobot) -> PreparedRobot:
+    """Prepare a robot from its URDF text (starts with ``<``) or the path of its file; one that was prepared before is
+    returned as it is. Raises `InputError` if the robot cannot be simulated.
 
     The first preparation of a robot takes a while (a child process starts, and reads the meshes); a robot of the same
     content is remembered. Threads may call this function.
     """
+    if isinstance(urdf, PreparedRobot):
+        return urdf
     robot = _rewritten(urdf, read_description(urdf))
     with _lock:
         if robot.text not in _remembered:
