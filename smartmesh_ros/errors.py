@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Iterable, Sequence
+from numbers import Real
+from typing import Any, TypeGuard
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
@@ -18,9 +21,17 @@ def listed(words: Sequence[str], most: int = 5, between: str = ", ") -> str:
     return between.join([*words[:most], *more])
 
 
-def is_number(value: object) -> bool:
-    """Return True if a value is a real number of Python, and no truth value."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
+def is_number(value: object) -> TypeGuard[float]:
+    """Return True if a value is a real number of Python or NumPy, and no truth value."""
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def as_float(value: Any) -> float:
+    """Return a number as a float; NaN, which is in no range, for what is none."""
+    try:
+        return math.nan if isinstance(value, str | bytes) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
 
 
 class InputError(ValueError):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -72,7 +73,7 @@ class Population(Driving):
     def spawn_robot(
         self,
         name: str,
-        urdf: str | PreparedRobot,
+        urdf: str | os.PathLike[str] | PreparedRobot,
         state: BodyState | None = None,
         *,
         on_ground: bool = False,
@@ -121,7 +122,7 @@ class Population(Driving):
         rays = checked_rays(origins_w, directions_w, reach)
         return cast_rays(self.client, self.bodies, self.ground.rays, rays, self.time, through)
 
-    def replace_robot(self, name: str, urdf: str | PreparedRobot) -> None:
+    def replace_robot(self, name: str, urdf: str | os.PathLike[str] | PreparedRobot) -> None:
         """Replace a robot by another at the current pose of its base; raises `InputError` and changes nothing if the
         URDF does not load."""
         old = self._own_body(name)
@@ -136,7 +137,7 @@ class Population(Driving):
         """
         require_possible(name, state)
         body = self.bodies.get(name)
-        solid = Sphere(shape) if isinstance(shape, int | float) else shape
+        solid = shape if isinstance(shape, Solid) else Sphere(shape)
         if body is None:
             self._require_free(name)
             self._add(self._factory.tracked(name, solid, state))
@@ -257,7 +258,7 @@ class Population(Driving):
         self._set_ends({key: end for key, end in self._ends.items() if key[0] != body.name})
 
     def _require_free(self, name: str) -> None:
-        if not name or "/" in name:
+        if not (name and isinstance(name, str)) or "/" in name:
             raise InputError("empty_id", f"{name!r} cannot name a body; a name is not empty and has no '/'")
         if owner := self.guests.owner_of(name):
             raise InputError("duplicate_id", f"{name!r} is simulated by {owner} already; choose another name")
@@ -296,4 +297,4 @@ class Population(Driving):
     def _attach(self, body: Body, follower: Follower, name: str) -> None:
         """Record what this world knows of a new follower."""
         follower.name = name
-        self.ground.set_owner(follower.slot, own=body.simulated, remote=bool(body.owner))
+        self.ground.set_owner(follower.slot, own=body.simulated and not body.fixed, remote=bool(body.owner))
