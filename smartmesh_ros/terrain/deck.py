@@ -145,7 +145,7 @@ class Deck(Tiles):
     def shift_time(self, by: float) -> None:
         """Add ``by`` [s] to the times of all maps and of the frame."""
         super().shift_time(by)
-        self.shift_frame(by)
+        self.shift_frame(checked_time(by))
 
     def shift_frame(self, by: float) -> None:
         """Add ``by`` [s] to the times of the frame alone."""

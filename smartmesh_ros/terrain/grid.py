@@ -39,6 +39,7 @@ class GridGeometry:
     yaw: float = 0.0
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "origin", tuple(map(float, self.origin)))  # to be compared
         if self.rows < 3 or self.columns < 3:
             raise InputError(
                 "geometry",

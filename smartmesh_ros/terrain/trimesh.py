@@ -12,7 +12,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.checked_heights import checked_next_time, checked_time, unmasked
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples, ground_heights
-from smartmesh_ros.terrain.motion import CLOCK, INSTANT, KEPT, MotionConfig, MovingGround, next_revision
+from smartmesh_ros.terrain.motion import CLOCK, INSTANT, KEPT, MotionConfig, MovingGround, checked_motion, next_revision
 from smartmesh_ros.terrain.state_file import filled
 
 
@@ -52,7 +52,7 @@ class TriangleMesh(MovingGround):
         self.core_reader: Any = CORE.Mesh(
             self._now, self._velocities, self._offsets, self._rates, as_bytes(self._clocks), self.triangles
         )
-        self._motion = motion or MotionConfig()
+        self._motion = checked_motion(motion)
         self._set_motion()
         self.version = 0
         self._revision = next_revision()

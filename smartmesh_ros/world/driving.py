@@ -125,6 +125,8 @@ class Driving:
         """Raise `InputError` if there is no robot of that name with this joint or driven surface, or if the command is
         not one for a surface."""
         body = self.body(name)
+        if not isinstance(command, JointCommand):
+            raise InputError("joint_command", f"the command is {command!r}; pass JointCommand(velocity=..., ...)")
         if joint in body.surfaces:
             if command.velocity is None or command.position is not None or command.effort is not None:
                 raise InputError("joint_command", f"{joint!r} of {name!r} is a track; it takes a velocity alone [m/s]")

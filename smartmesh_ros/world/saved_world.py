@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol
 
+import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
@@ -143,11 +144,11 @@ class SavedWorld(Population):
         with the same bodies, seed and commands are then equal to the last bit; of the first one only if it began with
         such a reset, too.
         """
-        if seed is not None and not (isinstance(seed, int) and seed >= 0):
+        if seed is not None and not (isinstance(seed, int | np.integer) and seed >= 0):
             raise InputError("seed", f"the seed is {seed!r}; it must be a whole number from 0 on")
         self.reset_time()
         if seed is not None:
-            self._begin_episode(seed)
+            self._begin_episode(int(seed))
         self.reset_bodies()
         if seed is not None:
             for body in self._stiff.values():
