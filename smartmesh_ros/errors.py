@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Iterable, Sequence
-from numbers import Real
+from numbers import Integral, Real
 from typing import Any, TypeGuard
 
 
@@ -53,3 +53,10 @@ def require(good: bool, reason: str, what: str, value: object, wanted: str) -> N
     """Raise `InputError` unless a ``value`` is ``good``; ``what``: the setting, ``wanted``: what it must be."""
     if not good:
         raise InputError(reason, f"{what} is {value!r}; it must be {wanted}")
+
+
+def checked_seed(seed: Any, reason: str, what: str) -> int:
+    """Return the seed of random numbers; raises `InputError` if it is no whole number from 0 on."""
+    whole = isinstance(seed, Integral) and not isinstance(seed, bool)
+    require(whole and seed >= 0, reason, what, seed, "a whole number from 0 on")
+    return int(seed)

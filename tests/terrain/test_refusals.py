@@ -171,7 +171,8 @@ def test_a_number_of_numpy_is_a_number(number: Any) -> None:
     heightmap.replace(np.zeros((9, 12)), time=1.0, variance=number)
     heightmap.update_region(np.uint8(1), np.int64(2), np.zeros((2, 2)), time=2.0, variance=number)
     assert heightmap.noise == 0.5 and heightmap.friction == 0.25
-    assert HeightScan.of("isaac_lab", spacing=number).spacing == 0.25
+    scan = HeightScan.of("isaac_lab", spacing=number, size=np.ones(2), seed=np.int32(3))
+    assert (scan.spacing, scan.size, scan.seed) == (0.25, (1.0, 1.0), 3)
 
 
 def test_heights_whose_sum_is_too_large_are_taken_without_a_warning() -> None:
