@@ -75,11 +75,12 @@ class AttachedBodies:
     ) -> Follower:
         """Put each link of ``body`` that has a collision shape onto the ground, or one ``link`` (-1 = the base).
 
-        Shapes are those that PyBullet collides, unless the base's or link's is given: as a ``shape`` about the centre
-        of mass (or one that was read before), or as the ``radius`` [m] of a bounding sphere. ``solid=False`` computes
-        patches without contacts. Returns the follower of the link, or of the first one; ``followers.of(body)`` lists
-        all. Raises `InputError`, and attaches nothing, if there is no such body or link, if the body is soft, or if a
-        link has no shape or is attached already.
+        Contacts are those of the shapes that PyBullet collides. Patches, and what lifts a body out of the ground, take
+        the base or link for these, too, or for a given ``shape`` about the centre of mass (or one that was read
+        before), or a bounding sphere of a ``radius`` [m]. ``solid=False`` computes patches without contacts. Returns
+        the follower of the link, or of the first one; ``followers.of(body)`` lists all. Raises `InputError`, and
+        attaches nothing, if there is no such body or link, if the body is soft, or if a link has no shape or is
+        attached already.
         """
         self.contacts.require_client()
         require_body(self._client, body, link)

@@ -52,8 +52,8 @@ class Material:
     gives by its contact, as pressure over depth; usually infinite, which is rigid. ``damping`` [N s/m^3]: of such
     ground, as pressure over the rate of depth; usually 0. ``restitution``: by which that of a body is multiplied, up to
     1, which is usual. ``rolling``: coefficient of rolling resistance, force over load of a wheel; usually 0. ``soil``:
-    which soil each sample is, by its place in the list of a `Soil` (rows, columns); usually 0. NaN and masked numbers
-    stand for the usual one.
+    which soil each sample is, by its place in the list of a `Soil` (rows, columns); usually 0. NaN and masked samples
+    stand for the usual number.
     """
 
     friction: float | ArrayLike | None = None

@@ -162,7 +162,7 @@ def _checked_triangles(triangles: ArrayLike, count: int) -> IntArray:
         )
     if corners.dtype.kind not in "iu":
         raise InputError("type", f"triangles are of type {corners.dtype}; they must be whole numbers")
-    corners = corners.astype(np.int64)
+    corners = np.array(corners, np.int64, order="C")
     if corners.min() < 0 or corners.max() >= count:
         raise InputError(
             "index", f"a triangle uses vertex {corners.min()} or {corners.max()}; there are {count}, counted from 0"

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import pybullet as pb
 
-from smartmesh_ros.errors import InputError, checked_seed
+from smartmesh_ros.errors import checked_seed
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.shapes import Hull
 from smartmesh_ros.soil.soil import Soil

@@ -175,6 +175,10 @@ def test_a_number_of_numpy_is_a_number(number: Any) -> None:
     assert (scan.spacing, scan.size, scan.seed) == (0.25, (1.0, 1.0), 3)
 
 
+def test_triangles_may_lie_in_memory_in_any_order() -> None:
+    assert np.array_equal(mesh(triangles=np.asfortranarray(TRIANGLES)).triangles, TRIANGLES)
+
+
 def test_heights_whose_sum_is_too_large_are_taken_without_a_warning() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
