@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.checked_heights import (
     checked,
     checked_next_time,
@@ -54,6 +55,8 @@ class MovingHeights(LaidGround, MovingGround):
         if geometry is None:
             heights = unmasked(heights, "heights of the map")
             geometry = geometry_of(heights.shape, resolution, origin, yaw)
+        elif not isinstance(geometry, GridGeometry):
+            raise InputError("geometry", f"the geometry is {geometry!r}; pass GridGeometry(rows=..., ...)")
         time = checked_time(time)
         self.geometry = geometry
         self._motion = checked_motion(motion)

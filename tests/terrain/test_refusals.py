@@ -33,7 +33,7 @@ def rays(origins: Any, directions: Any = DOWN, reach: float = 1.0) -> object:
 
 
 def flat(**given: Any) -> HeightMap:
-    return HeightMap(np.zeros((9, 12)), resolution=0.1, **given)
+    return HeightMap(np.zeros((9, 12)), **{"resolution": 0.1, **given})
 
 
 def places(points: Any) -> object:
@@ -71,8 +71,14 @@ REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
     (geometry, "geometry"): [
         ({"rows": 2}, "3 x 3"), ({"columns": 0}, "3 x 3"), ({"origin": (0.0, INF, 0.0)}, "origin"),
         ({"yaw": NAN}, "yaw"), *(({"resolution": value}, "resolution") for value in (0.0, -0.1, NAN)),
+        *(({"rows": rows}, "whole numbers") for rows in (5.0, "5", None)),
+        *(({"origin": origin}, "three numbers") for origin in (None, 0.0, ("x", 0.0, 0.0))),
+        ({"resolution": None}, "resolution is None"), ({"yaw": "north"}, "yaw is north"),
     ],
-    (geometry, "size"): [({"rows": 2**20, "columns": 2**20}, "too many")],
+    (geometry, "size"): [
+        ({"rows": count, "columns": count}, "too many") for count in (2**20, np.int32(2**16), np.uint16(65535))
+    ],
+    (flat, "geometry"): [({"resolution": None, "geometry": (9, 12)}, "pass GridGeometry(rows=..., ...)")],
     (checked_points, "length"): [(([[0.0]],), "(N, 2)"), (([0.0, 0.0],), "(N, 2)"), (([["a", "b"]],), "real numbers")],
     (checked_points, "non_finite"): [
         (([[NAN, 0.0]],), "finite"), (([[0.0, INF]],), "finite"),
