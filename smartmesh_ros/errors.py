@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from numbers import Integral, Real
+from typing import Any, TypeGuard
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
@@ -19,9 +22,17 @@ def listed(words: Sequence[str], most: int = 5, between: str = ", ") -> str:
     return between.join([*words[:most], *more])
 
 
-def is_number(value: object) -> bool:
-    """Return True if a value is a real number of Python, and no truth value."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
+def is_number(value: object) -> TypeGuard[float]:
+    """Return True if a value is a real number of Python or NumPy, and no truth value."""
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def as_float(value: Any) -> float:
+    """Return a number as a float; NaN, which is in no range, for what is none."""
+    try:
+        return math.nan if isinstance(value, str | bytes) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
 
 
 class InputError(ValueError):
@@ -52,3 +63,10 @@ def require(good: bool, reason: str, what: str, value: object, wanted: str) -> N
     """Raise `InputError` unless a ``value`` is ``good``; ``what``: the setting, ``wanted``: what it must be."""
     if not good:
         raise InputError(reason, f"{what} is {value!r}; it must be {wanted}")
+
+
+def checked_seed(seed: Any, reason: str, what: str) -> int:
+    """Return the seed of random numbers; raises `InputError` if it is no whole number from 0 on."""
+    whole = isinstance(seed, Integral) and not isinstance(seed, bool)
+    require(whole and seed >= 0, reason, what, seed, "a whole number from 0 on")
+    return int(seed)

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.core.body_shape import BodyShape
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, as_float
 from smartmesh_ros.ground.body_shapes import require_body, shapes_of
-from smartmesh_ros.ground.bullet import BulletCalls, NoClient, connected_client, is_fixed, undone
+from smartmesh_ros.ground.bullet import BulletCalls, NoClient, connected_client, undone
 from smartmesh_ros.ground.config import SleepConfig, time_step_of
 from smartmesh_ros.ground.followers import Belt, Follower, Followers
 from smartmesh_ros.ground.map_contacts import MapContacts, SoilSupport
@@ -75,12 +75,14 @@ class AttachedBodies:
     ) -> Follower:
         """Put each link of ``body`` that has a collision shape onto the ground, or one ``link`` (-1 = the base).
 
-        Shapes are those that PyBullet collides, unless the base's or link's is given: as a ``shape`` about the centre
-        of mass (or one that was read before), or as the ``radius`` [m] of a bounding sphere. ``solid=False`` computes
-        patches without contacts. Returns the follower of the link, or of the first one; ``followers.of(body)`` lists
-        all. Raises `InputError`, and attaches nothing, if there is no such body or link, if the body is soft, or if a
-        link has no shape or is attached already.
+        Contacts are those of the shapes that PyBullet collides. Patches, and what lifts a body out of the ground, take
+        the base or link for these, too, or for a given ``shape`` about the centre of mass (or one that was read
+        before), or a bounding sphere of a ``radius`` [m]. ``solid=False`` computes patches without contacts. Returns
+        the follower of the link, or of the first one; ``followers.of(body)`` lists all. Raises `InputError`, and
+        attaches nothing, if there is no such body or link, if the body is soft, or if a link has no shape or is
+        attached already.
         """
+        self.contacts.require_client()
         require_body(self._client, body, link)
         if self.is_ground(body):
             raise InputError("unknown_body", f"body {body} is a piece of this ground; attach what stands on it")
@@ -88,13 +90,12 @@ class AttachedBodies:
         shapes = shapes_of(self._client, body, link, shape, radius)
         made = [Follower(body, each, record, solid) for each, record in shapes.items()]
         self.followers.require_new(body, list(shapes))
-        own = solid and not is_fixed(self._client, body)
         if not len(self.followers):
             self.contacts.begin(self.clock, time_step_of(self._client))
         added: list[int] = []
         with undone(lambda: self._take_off(added)):
             for follower in made:
-                self.followers.add(follower, own=own)
+                self.followers.add(follower, own=solid)
                 with undone(partial(self.followers.remove, follower.slot)):
                     self.contacts.attach(follower)
                 added.append(follower.slot)
@@ -159,8 +160,9 @@ class AttachedBodies:
         self.contacts.wake(None if body is None else self.followers.of(body))
 
     def is_asleep(self, body: int) -> bool:
-        """Return True if a body sleeps with all its links."""
-        return all(self.contacts.core.is_asleep(slot) for slot in self.followers.of(body))
+        """Return True if an attached body sleeps with all its links."""
+        slots = self.followers.of(body)
+        return bool(slots) and all(map(self.contacts.core.is_asleep, slots))
 
     def note_remote_states(self, bodies: list[int], states: FloatArray) -> None:
         """Note that bodies of other nodes are about to be set to states (n, 13). They sleep only while their owners say
@@ -185,7 +187,7 @@ class AttachedBodies:
         Maps are drawn with their holes and the colours of their friction; those of more than 256 samples a side at
         every 2nd, 3rd, ... sample. Raises `InputError` if the rate is no number above zero.
         """
-        if not (math.isfinite(rate) and rate > 0.0):
+        if not 0.0 < as_float(rate) < math.inf:
             raise InputError("rate", f"the ground is drawn at a rate of {rate} Hz; it must be finite and above zero")
         self.contacts.require_client()
         if self._shown is None:
@@ -196,8 +198,7 @@ class AttachedBodies:
     def hide(self) -> None:
         """Remove what `show` draws."""
         if self._shown is not None:
-            self._shown.close()
-            self._shown = None
+            self._shown.hide()
 
     @property
     def drawn(self) -> float:
@@ -212,6 +213,8 @@ class AttachedBodies:
     def set_soil(self, soil: Soil | None) -> None:
         """Let bodies stand on a soil of one of the terrain's height maps from now on; None =
         on the map itself. Raises `InputError` and changes nothing if the soil is of another map."""
+        if soil is not None and not isinstance(soil, Soil):
+            raise InputError("soil", f"the soil is {soil!r}; pass Soil(ground.terrain, ...)")
         if soil is not None and not self._has(soil.map):
             raise InputError("soil", "the map of the soil is no tile of this ground's terrain")
         self.wake()

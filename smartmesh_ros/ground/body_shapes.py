@@ -30,14 +30,15 @@ def require_body(client: Any, body: int, link: int | None = None) -> None:
     try:
         client.getBodyInfo(body)
     except (pb.error, TypeError):
+        client.syncBodyInfo()  # PyBullet's client may know only the last body of a batch
         bodies = [client.getBodyUniqueId(place) for place in range(client.getNumBodies())]
-        if body in bodies:
-            raise  # PyBullet failed
         there = f"there is {listed([*map(str, bodies)], 20)}" if bodies else "there is none yet"
-        raise InputError(
-            "unknown_body", f"PyBullet has no body {body!r}; pass the number that loadURDF or createMultiBody "
-            f"returned: {there}"
-        ) from None  # fmt: skip
+        if body not in bodies:
+            raise InputError(
+                "unknown_body", f"PyBullet has no body {body!r}; pass the number that loadURDF or createMultiBody "
+                f"returned: {there}"
+            ) from None  # fmt: skip
+        client.getBodyInfo(body)
     if link is not None and link not in range(-1, count := client.getNumJoints(body)):
         links = f"-1 (the base) to {count - 1}" if count else "-1 (the base) alone"
         raise InputError("unknown_body", f"body {body} has no link {link!r}; it has {links}")

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, as_float
 from smartmesh_ros.ground.state import Vector
 
 
@@ -32,17 +33,19 @@ class PhysicsConfig:
     solver_residual: float = 1e-9
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.rate) and self.rate > 0.0):
+        if not 0.0 < as_float(self.rate) < math.inf:
             raise InputError("parameter", f"physics rate is {self.rate} Hz; it must be greater than zero")
-        if len(self.gravity) != 3 or not all(math.isfinite(value) for value in self.gravity):
+        gravity = tuple(map(as_float, self.gravity)) if isinstance(self.gravity, Iterable) else ()
+        if len(gravity) != 3 or not all(map(math.isfinite, gravity)):
             raise InputError("parameter", f"gravity is {self.gravity}; it must be three finite numbers [m/s^2]")
-        if not (math.isfinite(self.friction) and self.friction >= 0.0):
+        object.__setattr__(self, "gravity", gravity)  # to be compared and saved
+        if not 0.0 <= as_float(self.friction) < math.inf:
             raise InputError("parameter", f"friction is {self.friction}; it must be zero or more")
-        if not 0.0 <= self.restitution <= 1.0:
+        if not 0.0 <= as_float(self.restitution) <= 1.0:
             raise InputError("parameter", f"restitution is {self.restitution}; it must be 0 to 1")
-        if not (math.isfinite(self.solver_residual) and self.solver_residual >= 0.0):
+        if not 0.0 <= as_float(self.solver_residual) < math.inf:
             raise InputError("parameter", f"solver_residual is {self.solver_residual} m^2/s^2; it must be zero or more")
-        if not 0.0 < self.contact_erp <= 1.0:
+        if not 0.0 < as_float(self.contact_erp) <= 1.0:
             raise InputError("parameter", f"contact_erp is {self.contact_erp}; it must be above 0 and at most 1")
 
     @property
@@ -77,8 +80,8 @@ class SleepConfig:
 # in each step. Contacts of hulls and cylinders with other bodies come one in a step, so that a box on them rattles and
 # turns if the others are dropped. PyBullet shares the value among all worlds of a process.
 CONTACT_BREAKING = 0.02
-# Largest relative difference between two step lengths that counts as rounding.
-ROUNDING = 1e-9
+# Largest relative difference between two step lengths that counts as rounding, of 32-bit numbers, too.
+ROUNDING = 1e-7
 
 
 def set_up(client: Any, physics: PhysicsConfig) -> None:
@@ -101,7 +104,7 @@ def time_step_of(client: Any) -> float:
 def require_time_step(client: Any, dt: float) -> None:
     """Raise `InputError` if a client does not step ``dt`` [s]."""
     step = time_step_of(client)
-    if not (math.isfinite(dt) and abs(dt - step) <= ROUNDING * step):
+    if not abs(as_float(dt) - step) <= ROUNDING * step:
         raise InputError(
             "parameter", f"dt is {dt} s, but PyBullet steps {step} s; call setTimeStep({dt}) or pass dt={step}"
         )

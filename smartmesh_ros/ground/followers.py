@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from smartmesh_ros.core.body_shape import BodyShape
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, as_float
 from smartmesh_ros.ground.limits import FARTHEST_BODY, FASTEST
 from smartmesh_ros.ground.slot_tables import with_rows
 from smartmesh_ros.ground.state import Vector
@@ -34,8 +34,9 @@ class Belt:
     speed: float = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "axis", tuple(map(float, self.axis)))  # to be compared and saved
-        object.__setattr__(self, "speed", float(self.speed))
+        axis = tuple(map(as_float, self.axis)) if isinstance(self.axis, Iterable) else ()
+        object.__setattr__(self, "axis", axis)  # to be compared and saved
+        object.__setattr__(self, "speed", as_float(self.speed))
         length = math.hypot(*self.axis) if len(self.axis) == 3 else math.nan
         if not LEAST_AXIS <= length <= FARTHEST_BODY:
             raise InputError("surface", f"the axis of a surface is {self.axis}; it must be three numbers, not all zero")

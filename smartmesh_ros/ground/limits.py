@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, as_float
 from smartmesh_ros.ground.state import BodyState
 
 FARTHEST_BODY = 1e7  # largest coordinate of a body in the terrain's frame [m]
@@ -20,7 +20,9 @@ MASSES = (1e-6, 1e9)  # [kg]
 
 
 def require_possible(name: str, state: BodyState) -> None:
-    """Raise `InputError` if a body is farther away or faster than the limits."""
+    """Raise `InputError` if a state is none, or a body is farther away or faster than the limits."""
+    if not isinstance(state, BodyState):
+        raise InputError("type", f"the state of {name!r} is {state!r}; pass BodyState(position, ...)")
     for what, values, most, unit in (
         ("position", state.position, FARTHEST_BODY, "m"),
         ("velocity", state.linear, FASTEST, "m/s"),
@@ -34,7 +36,7 @@ def require_possible(name: str, state: BodyState) -> None:
 def require_between(what: str, value: float, bounds: tuple[float, float], unit: str) -> None:
     """Raise `InputError` if a value is not finite or not within its bounds."""
     low, high = bounds
-    if not (math.isfinite(value) and value > 0.0):
+    if not (math.isfinite(as_float(value)) and value > 0.0):
         raise InputError("geometry", f"{what} is {value} {unit}; it must be greater than zero")
     if not low <= value <= high:
         raise InputError("geometry", f"{what} is {value} {unit}; it must be {low:g} to {high:g}")

@@ -14,7 +14,7 @@ import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, as_float
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.config import SleepConfig, require_time_step
 from smartmesh_ros.ground.followers import Follower, Followers
@@ -106,7 +106,7 @@ class MapContacts:
         """Set the time [s] at the start of the next step of ``dt`` [s]; returns True if bodies were removed from
         PyBullet. Raises `InputError` if the client was reset or closed, or does not step ``dt``, and PyBullet's error
         if a step failed in the core."""
-        if self.core.begin(time, dt):
+        if self.core.begin(time, as_float(dt)):
             return False
         self.require_client()
         require_time_step(self._client, dt)
@@ -117,6 +117,8 @@ class MapContacts:
         """Wake all bodies; let those that are still sleep from now on, None = none."""
         self.require_client()
         it = config or SleepConfig(after=math.inf)
+        if not isinstance(it, SleepConfig):
+            raise InputError("parameter", f"rules of sleep are {config!r}; pass SleepConfig(...), or None for no sleep")
         self.core.set_sleep(it.after, it.distance, it.joint, it.ground, it.noise, it.most)
 
     def wake(self, slots: list[int] | None) -> None:

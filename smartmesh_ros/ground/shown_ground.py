@@ -41,14 +41,19 @@ FAR_AWAY = (0.0, 0.0, -1e6)
 MOST_VERTICES, MOST_CORNERS = 131072, 524288
 
 
+Size = tuple[int, int, float]
+
+
 @dataclass(eq=False)
 class ShownTile:
-    """A tile as it was drawn: its PyBullet body ``uid`` and ``shape``, its ``revision``, True if it ``moved`` then, the
-    ``friction`` that its colours are of, and the ``pose`` of the body in the frame of the terrain or the deck."""
+    """A tile as it was drawn: its PyBullet body ``uid`` and ``shape``, of a height map also the ``size`` of the shape
+    (rows, columns, spacing [m]), its ``revision``, True if it ``moved`` then, the ``friction`` that its colours are of,
+    and the ``pose`` of the body in the frame of the terrain or the deck."""
 
     mesh: MainMesh
     uid: int
     shape: int
+    size: Size | None = None
     pose: Transform = IDENTITY
     revision: int = -1
     moved: bool = False
@@ -60,8 +65,8 @@ class ShownTile:
 
 
 class ShownGround:
-    """The tiles of a terrain in a PyBullet client, drawn at most ``rate`` times a second of simulated time. ``core``:
-    the core's ground in the client."""
+    """The tiles of a terrain in a PyBullet client, drawn at most ``rate`` times a second of simulated time, 0 = none.
+    ``core``: the core's ground in the client."""
 
     def __init__(self, client: Any, core: Any, terrain: Terrain, rate: float) -> None:
         self.rate = rate
@@ -69,6 +74,9 @@ class ShownGround:
         self._core = core
         self._terrain = terrain
         self._tiles: dict[str, ShownTile] = {}
+        # PyBullet frees neither shapes of height fields nor textures, so that these are used again.
+        self._unused: dict[Size, list[int]] = {}  # shapes
+        self._textures: dict[bytes, int] = {}  # by their files
         self._refused: set[str] = set()  # meshes that PyBullet cannot show
         self._drawn = math.nan  # when the ground was drawn last [s]
 
@@ -79,7 +87,7 @@ class ShownGround:
 
     def refresh(self, time: float) -> None:
         """Draw the ground of ``time`` [s] if it is due, or the clock went back."""
-        if not 0.0 <= time - self._drawn < (1.0 - 1e-9) / self.rate:
+        if self.rate and not 0.0 <= time - self._drawn < (1.0 - 1e-9) / self.rate:
             self.draw(time)
 
     def draw(self, time: float) -> None:
@@ -109,8 +117,9 @@ class ShownGround:
             self._ride(self._tiles[name], frames[name])
         self._drawn = time
 
-    def close(self) -> None:
+    def hide(self) -> None:
         """Remove the tiles, unless the client was reset or closed."""
+        self.rate = 0.0
         if self._core.is_there:
             for name in list(self._tiles):
                 self._remove(name)
@@ -124,9 +133,10 @@ class ShownGround:
         rows, columns = np.arange(0, geometry.rows, stride), np.arange(0, geometry.columns, stride)
         shown = self._tiles.get(name)
         if shown is None:
-            spacing = stride * geometry.resolution
-            shape = make_shape(client, len(rows), len(columns), spacing, BOUND)
-            shown = self._tiles[name] = ShownTile(heightmap, self._new_body(shape), shape)
+            size = len(rows), len(columns), stride * geometry.resolution
+            unused = self._unused.get(size)
+            shape = unused.pop() if unused else make_shape(client, *size, BOUND)
+            shown = self._tiles[name] = ShownTile(heightmap, self._new_body(shape), shape, size)
         heights = heightmap.sample(rows[:, None] * geometry.columns + columns, time).heights
         base = 0.0 if np.isnan(heights).all() else float(np.nanmax(heights)) + ABOVE
         replace_heights(client, shown.shape, heights - base)
@@ -177,15 +187,20 @@ class ShownGround:
 
     def _colour(self, uid: int, colours: NDArray[np.uint8]) -> None:
         """Give a body the colours (rows, columns, 3) of its samples."""
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder, "ground.tga")
-            file.write_bytes(_as_tga(colours))
-            texture = self._client.loadTexture(str(file))
+        image = _as_tga(colours)
+        if image not in self._textures:
+            with tempfile.TemporaryDirectory() as folder:
+                file = Path(folder, "ground.tga")
+                file.write_bytes(image)
+                self._textures[image] = self._client.loadTexture(str(file))
+        texture = self._textures[image]
         self._client.changeVisualShape(uid, -1, textureUniqueId=texture, rgbaColor=(1.0,) * 4, specularColor=(0.0,) * 3)
 
     def _remove(self, name: str) -> None:
         self._client.removeBody(self._tiles[name].uid)
-        del self._tiles[name]
+        gone = self._tiles.pop(name)
+        if gone.size is not None:
+            self._unused.setdefault(gone.size, []).append(gone.shape)
 
 
 def quarter_turn(yaw: float) -> Quaternion:

@@ -12,13 +12,14 @@ Quaternion = tuple[float, float, float, float]
 # Columns of a table of bodies (N, 13): position [m], orientation (x, y, z, w), velocity [m/s], angular velocity
 # [rad/s].
 BODY_COLUMNS = 13
+SIZES = (("position", 3), ("orientation", 4), ("linear", 3), ("angular", 3))
 
 
 @dataclass(frozen=True)
 class BodyState:
     """Position [m] and orientation (x, y, z, w) of the centre of mass, its velocity [m/s] and angular velocity [rad/s],
-    all in the terrain's frame. Raises `InputError` if a number is not finite or the orientation is not a unit
-    quaternion."""
+    all in the terrain's frame. Raises `InputError` if a number is missing or not finite, or the orientation is not a
+    unit quaternion."""
 
     position: Vector = (0.0, 0.0, 0.0)
     orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)
@@ -26,9 +27,19 @@ class BodyState:
     angular: Vector = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        for name in ("position", "orientation", "linear", "angular"):
-            if not all(math.isfinite(value) for value in getattr(self, name)):
-                raise InputError("non_finite", f"{name} is {getattr(self, name)}; every number must be finite")
+        for name, count in SIZES:
+            given = getattr(self, name)
+            try:
+                values = given if type(given) is tuple else tuple(map(float, given))
+                finite = all(map(math.isfinite, values))
+            except (TypeError, ValueError):
+                values = ()
+            if len(values) != count:
+                raise InputError("length", f"{name} is {given!r}; it must be {count} numbers")
+            if not finite:
+                raise InputError("non_finite", f"{name} is {given}; every number must be finite")
+            if values is not given:
+                object.__setattr__(self, name, values)  # to be compared and saved
         length = math.hypot(*self.orientation)
         if abs(length - 1.0) > QUATERNION_SLACK:
             raise InputError(

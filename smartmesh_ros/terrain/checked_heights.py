@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import math
+from operator import index
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, as_float, is_number
 
 
 def checked_time(time: float) -> float:
     """Return a time [s]; raises `InputError` if it is no finite number."""
-    try:
-        seconds = float(time)
-    except (TypeError, ValueError, OverflowError):
-        seconds = math.nan
+    seconds = as_float(time)
     if not math.isfinite(seconds):
         raise InputError("time", f"the time is {time!r}; it must be a finite number of seconds")
     return seconds
@@ -34,9 +32,13 @@ def checked_next_time(time: float, last: float) -> float:
     return seconds
 
 
-def require_region(row: int, column: int, region: tuple[int, ...], size: tuple[int, int]) -> None:
-    """Raise `InputError` unless a region of a shape (h, w), whose first sample is given, lies in a map of a ``size``
-    (rows, columns)."""
+def checked_place(row: int, column: int, region: tuple[int, ...], size: tuple[int, int]) -> tuple[int, int]:
+    """Return the first sample of a region of a shape (h, w); raises `InputError` unless the region lies in a map of a
+    ``size`` (rows, columns)."""
+    try:
+        row, column = index(row), index(column)
+    except TypeError:
+        raise InputError("region", f"row {row!r} and column {column!r} must be whole numbers") from None
     if len(region) != 2 or 0 in region:
         raise InputError("length", f"a region needs (rows, columns) of at least 1 x 1 samples, not {region}")
     rows, columns = size
@@ -46,13 +48,14 @@ def require_region(row: int, column: int, region: tuple[int, ...], size: tuple[i
             f"rows {row} to {row + region[0] - 1} and columns {column} to {column + region[1] - 1} leave the map, "
             f"whose last sample is row {rows - 1}, column {columns - 1}",
         )
+    return row, column
 
 
 def checked_variance(variance: float | ArrayLike | None, shape: tuple[int, ...]) -> float | NDArray[np.float32] | None:
     """Return variances as one number or as float32 of the right shape."""
-    if variance is None or isinstance(variance, float | int):
-        return None if variance is None else float(variance)
-    return as_floats(variance, shape, "variances")
+    if variance is None:
+        return None
+    return float(variance) if is_number(variance) else as_floats(variance, shape, "variances")
 
 
 def deviation_of(variance: float | NDArray[np.float32]) -> float:
@@ -93,6 +96,15 @@ def as_floats(values: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[n
         raise InputError("type", f"{what} are of type {array.dtype}; they must be real numbers")
     with np.errstate(over="ignore"):  # too large values become infinity, which is refused
         return array.astype(np.float32, copy=False)
+
+
+def as_points(points: ArrayLike, widths: tuple[int, ...]) -> NDArray[Any]:
+    """Return real numbers as an array (N, w) whose width is allowed; raises `InputError`."""
+    array = unmasked(points, "points")
+    if array.ndim != 2 or array.shape[1] not in widths or array.dtype.kind not in "fiu":
+        shapes = " or ".join(f"(N, {width})" for width in widths)
+        raise InputError("length", f"points have shape {array.shape}; they must be real numbers of shape {shapes}")
+    return array
 
 
 def unmasked(values: ArrayLike, what: str = "values") -> NDArray[Any]:

@@ -57,10 +57,10 @@ class Deck(Tiles):
         if not thickness >= 0.0:
             raise InputError("thickness", f"the thickness is {thickness} m; it must be zero or more")
         self.thickness = float(thickness)
-        self.body, self.link, self._place = -1, -1, _pose((0.0, 0.0, 0.0), LEVEL)
+        self.body, self.link, self._place = -1, -1, pose_of((0.0, 0.0, 0.0), LEVEL)
         self._last = -math.inf  # time of the last pose [s]; -infinity = it was never moved
         super().__init__(single)
-        self._put(-math.inf, _pose(position, orientation))
+        self._put(-math.inf, pose_of(position, orientation))
 
     def __getstate__(self) -> dict[str, Any]:
         return {**super().__getstate__(), "motion": self.core.memory()}
@@ -119,7 +119,7 @@ class Deck(Tiles):
         given = None
         if velocity is not None and spin is not None:
             given = np.concatenate([_vector(velocity, "the velocity"), _vector(spin, "the spin")])
-        pose = _pose(position, orientation)
+        pose = pose_of(position, orientation)
         if math.isinf(self._last):
             self._put(time, pose, given)
             return
@@ -128,12 +128,12 @@ class Deck(Tiles):
 
     def place(self, position: ArrayLike, orientation: ArrayLike = LEVEL, *, time: float) -> None:
         """Put the frame somewhere else at ``time`` [s], at rest."""
-        self._put(checked_time(time), _pose(position, orientation))
+        self._put(checked_time(time), pose_of(position, orientation))
 
     def ride(self, body: int, link: int, position: ArrayLike, orientation: ArrayLike) -> None:
         """Let a PyBullet body or link carry the frame from now on, at a place in the frame of its centre of mass;
         ``body`` -1 = nobody. See `Ground.carry`."""
-        place = _pose(position, orientation)
+        place = pose_of(position, orientation)
         self.body, self.link, self._place = body, link, place
         self.core.carry(body, link, place)
 
@@ -145,7 +145,7 @@ class Deck(Tiles):
     def shift_time(self, by: float) -> None:
         """Add ``by`` [s] to the times of all maps and of the frame."""
         super().shift_time(by)
-        self.shift_frame(by)
+        self.shift_frame(checked_time(by))
 
     def shift_frame(self, by: float) -> None:
         """Add ``by`` [s] to the times of the frame alone."""
@@ -166,16 +166,22 @@ class Deck(Tiles):
         self.core.put(max(time, LONG_AGO), pose, given)
 
 
+def _floats(values: ArrayLike, what: str) -> FloatArray:
+    """Return real numbers as an array; of what is none, an array without numbers."""
+    array = unmasked(values, what)
+    return np.ascontiguousarray(array if array.dtype.kind in "fiu" else (), np.float64)
+
+
 def _vector(values: ArrayLike, what: str) -> FloatArray:
-    found = np.ascontiguousarray(unmasked(values, what), np.float64)
+    found = _floats(values, what)
     if found.shape != (3,) or not np.isfinite(found).all() or np.abs(found).max() > MAX_COORDINATE:
         raise InputError("deck", f"{what} of a deck is {values!r}; it must be three finite numbers")
     return found
 
 
-def _pose(position: ArrayLike, orientation: ArrayLike) -> FloatArray:
-    """Return a checked pose (7,)."""
-    quaternion = np.asarray(unmasked(orientation, "the orientation"), np.float64)
+def pose_of(position: ArrayLike, orientation: ArrayLike) -> FloatArray:
+    """Return a pose (7,) of a deck; raises `InputError` if it is none."""
+    quaternion = _floats(orientation, "the orientation")
     if quaternion.shape != (4,) or not abs(float(np.linalg.norm(quaternion)) - 1.0) <= QUATERNION_SLACK:
         raise InputError(
             "quaternion", f"the orientation of a deck is {orientation!r}; it must be a unit quaternion (x, y, z, w)"

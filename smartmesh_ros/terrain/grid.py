@@ -4,12 +4,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from operator import index
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, as_float
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -39,6 +40,15 @@ class GridGeometry:
     yaw: float = 0.0
 
     def __post_init__(self) -> None:
+        try:  # numbers of NumPy overflow
+            object.__setattr__(self, "rows", index(self.rows))
+            object.__setattr__(self, "columns", index(self.columns))
+            object.__setattr__(self, "origin", tuple(map(float, self.origin)))  # to be compared
+        except (TypeError, ValueError):
+            raise InputError(
+                "geometry", f"a grid has {self.rows!r} rows, {self.columns!r} columns and the origin {self.origin!r}; "
+                "the first two must be whole numbers, the last three numbers [m]"
+            ) from None  # fmt: skip
         if self.rows < 3 or self.columns < 3:
             raise InputError(
                 "geometry",
@@ -48,7 +58,7 @@ class GridGeometry:
             raise InputError(
                 "size", f"{self.rows} x {self.columns} samples are too many; at most {MOST_SAMPLES} are possible"
             )
-        if not (math.isfinite(self.resolution) and self.resolution > 0.0):
+        if not 0.0 < as_float(self.resolution) < math.inf:
             raise InputError("geometry", f"resolution is {self.resolution} m; it must be finite and greater than zero")
         if len(self.origin) != 3 or not all(math.isfinite(value) for value in self.origin):
             raise InputError("geometry", f"origin is {self.origin}; it must be three finite numbers [m]")
@@ -59,7 +69,7 @@ class GridGeometry:
                 f"resolution {self.resolution} m at origin {self.origin}: the resolution must be {finest:g} to "
                 f"{coarsest:g} m, and no coordinate of the origin above {MAX_COORDINATE:g} m",
             )
-        if not abs(self.yaw) <= math.tau:  # also True for NaN
+        if not abs(as_float(self.yaw)) <= math.tau:  # also True for NaN
             raise InputError(
                 "geometry", f"yaw is {self.yaw} rad; it must be within a turn, -2 pi to 2 pi: convert degrees with "
                 "math.radians, and take whole turns off with math.remainder(yaw, math.tau)"

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.errors import InputError, is_number, require
+from smartmesh_ros.errors import InputError, checked_seed, is_number, require
 from smartmesh_ros.terrain.checked_heights import checked_time, unmasked
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
@@ -81,7 +81,7 @@ class HeightScan:
         _require(self.clip[0] < self.clip[1], "clip", self.clip, "a lower and a higher bound")
         _require(math.isfinite(self.scale), "scale", self.scale, "finite")
         _require(0.0 <= self.delay <= LONGEST_DELAY, "delay", self.delay, f"0 to {LONGEST_DELAY:g} s")
-        _require(type(self.seed) is int and self.seed >= 0, "seed", self.seed, "a whole number from 0 on")
+        object.__setattr__(self, "seed", checked_seed(self.seed, "height_scan", "seed of a height scan"))
         most = (self.size[0] / self.spacing + 1.0) * (self.size[1] / self.spacing + 1.0)
         _require(most <= MOST_POINTS, "spacing", self.spacing, f"so large that there are at most {MOST_POINTS} points")
 
@@ -157,7 +157,8 @@ def _number(name: str, value: Any) -> float:
 
 
 def _numbers(name: str, values: Any, count: int) -> tuple[float, ...]:
-    _require(isinstance(values, tuple | list) and len(values) == count, name, values, f"{count} numbers")
+    good = isinstance(values, tuple | list | np.ndarray) and len(values) == count
+    _require(good, name, values, f"{count} numbers")
     return tuple(_number(name, value) for value in values)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.terrain.checked_heights import checked_time, unmasked
+from smartmesh_ros.terrain.checked_heights import as_points, checked_time, unmasked
 from smartmesh_ros.terrain.corrections import fuse_across, fused_of
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray, overlap
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest
@@ -27,7 +27,8 @@ class Samples(NamedTuple):
 def ground_heights(readers: list[Any], xy_w: ArrayLike, time: float) -> Samples:
     """Return the highest ground of maps and meshes, by their core's readers, under points (N, 2) [m] at ``time`` [s],
     shapes (N,); NaN = no ground."""
-    points, time = np.atleast_2d(np.ascontiguousarray(unmasked(xy_w, "points"), np.float64)), checked_time(time)
+    array, time = unmasked(xy_w, "points"), checked_time(time)
+    points = np.ascontiguousarray(as_points(np.atleast_2d(array), (2,)), np.float64)
     samples = Samples(np.empty(len(points)), np.empty(len(points)))
     CORE.ground_heights(readers, points, time, *samples)
     return samples

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.terrain.grid import GridGeometry
-from smartmesh_ros.terrain.material import Material
+from smartmesh_ros.terrain.material import Material, together
 
 
 class LaidGround:
@@ -34,11 +34,11 @@ class LaidGround:
 
     @material.setter
     def material(self, material: Material) -> None:
-        self._lay(material.checked(self._shape))
+        self._lay(together(material).checked(self._shape))
 
     def give(self, material: Material) -> None:
         """Replace the layers of the ground that a material has; raises `InputError` and then changes nothing."""
-        self._lay(material.checked(self._shape).over(self._material))
+        self._lay(together(material).checked(self._shape).over(self._material))
 
     @property
     def friction(self) -> float | NDArray[np.float32]:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, is_number
 from smartmesh_ros.terrain.checked_heights import as_floats, unmasked
 
 # Most soils of a map.
@@ -52,8 +52,8 @@ class Material:
     gives by its contact, as pressure over depth; usually infinite, which is rigid. ``damping`` [N s/m^3]: of such
     ground, as pressure over the rate of depth; usually 0. ``restitution``: by which that of a body is multiplied, up to
     1, which is usual. ``rolling``: coefficient of rolling resistance, force over load of a wheel; usually 0. ``soil``:
-    which soil each sample is, by its place in the list of a `Soil` (rows, columns); usually 0. NaN and masked numbers
-    stand for the usual one.
+    which soil each sample is, by its place in the list of a `Soil` (rows, columns); usually 0. NaN and masked samples
+    stand for the usual number.
     """
 
     friction: float | ArrayLike | None = None
@@ -110,6 +110,8 @@ def together(material: Material | None, **layers: Any) -> Material:
     """Return a ``material`` with other ``layers``, None = not given; raises `InputError` for a layer of both."""
     given = {name: layer for name, layer in layers.items() if layer is not None}
     whole = material or Material()
+    if not isinstance(whole, Material):
+        raise InputError("type", f"the material is {material!r}; pass Material(friction=..., ...)")
     if not given:
         return whole
     if both := sorted(whole.layers.keys() & given.keys()):
@@ -138,7 +140,7 @@ def checked_layer(name: str, layer: Any, shape: tuple[int, ...]) -> Layer:
     if name == "soil":
         return _frozen(checked_soil(layer, shape))
     allowed = RANGES[name]
-    if isinstance(layer, float | int | np.floating | np.integer):
+    if is_number(layer):
         number = float(layer)
         if not _fits(number, allowed) and not number == allowed.usual:
             raise InputError(name, f"{name} is {number}; it must be {allowed.rule}")

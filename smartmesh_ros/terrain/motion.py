@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.core import CORE, dtype_of
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.checked_heights import checked_time
 from smartmesh_ros.terrain.state_file import filled
 
 MotionMode = Literal["hold", "extrapolate", "interpolate"]
@@ -133,6 +134,13 @@ class MotionConfig:
         return int(Mode[self.mode.upper()])
 
 
+def checked_motion(motion: MotionConfig | None) -> MotionConfig:
+    """Return a motion, by default the usual one; raises `InputError` if it is none."""
+    if motion is not None and not isinstance(motion, MotionConfig):
+        raise InputError("parameter", f"the motion of the ground is {motion!r}; pass MotionConfig(mode=...)")
+    return motion or MotionConfig()
+
+
 def next_revision() -> int:
     """Return a number higher than all revisions before, of the core's maps too."""
     return int(CORE.next_revision())
@@ -164,6 +172,7 @@ class MovingGround(ABC):
 
     @motion.setter
     def motion(self, motion: MotionConfig) -> None:
+        motion = checked_motion(motion)
         if (motion.code, motion.smoothing) != (self._motion.code, self._motion.smoothing):
             self._clocks["until"] = self._clocks["since"]  # what was shown by other settings is no part of the motion
         self._motion = motion
@@ -194,6 +203,7 @@ class MovingGround(ABC):
         self._clocks["delay"] = delay
 
     def shift_time(self, by: float) -> None:
-        """Add ``by`` [s] to all update times, after their clock was reset or lost time."""
+        """Add ``by`` [s] to all update times, after their clock was reset or lost time. Raises `InputError`."""
+        by = checked_time(by)
         for name in CLOCK_TIMES:
             self._clocks[name] += by

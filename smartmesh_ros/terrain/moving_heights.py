@@ -11,14 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.checked_heights import (
     checked,
     checked_next_time,
+    checked_place,
     checked_time,
     checked_variance,
     dense,
     deviation_of,
-    require_region,
     unmasked,
 )
 from smartmesh_ros.terrain.corrections import fuse_rectangle, fused_of, put_fused
@@ -26,7 +27,7 @@ from smartmesh_ros.terrain.grid import GridGeometry, geometry_of
 from smartmesh_ros.terrain.grid_track import GridTrack, at_rest, follow
 from smartmesh_ros.terrain.laid_ground import LaidGround
 from smartmesh_ros.terrain.material import Material, together
-from smartmesh_ros.terrain.motion import CLOCK, MotionConfig, MovingGround
+from smartmesh_ros.terrain.motion import CLOCK, MotionConfig, MovingGround, checked_motion
 from smartmesh_ros.terrain.prints import Prints
 from smartmesh_ros.terrain.state_file import filled
 
@@ -54,9 +55,11 @@ class MovingHeights(LaidGround, MovingGround):
         if geometry is None:
             heights = unmasked(heights, "heights of the map")
             geometry = geometry_of(heights.shape, resolution, origin, yaw)
+        elif not isinstance(geometry, GridGeometry):
+            raise InputError("geometry", f"the geometry is {geometry!r}; pass GridGeometry(rows=..., ...)")
         time = checked_time(time)
         self.geometry = geometry
-        self._motion = motion or MotionConfig()
+        self._motion = checked_motion(motion)
         shape = (geometry.rows, geometry.columns)
         new, speeds = checked(heights, velocities, shape, "the map")
         # The map of the C++ core, whose memory the arrays are.
@@ -188,11 +191,10 @@ class MovingHeights(LaidGround, MovingGround):
         """
         time, heights = checked_next_time(time, self.time), unmasked(heights, "heights of the region")
         shape = heights.shape
-        require_region(row, column, shape, self._shape)
+        row, column = checked_place(row, column, shape, self._shape)
         certainty = checked_variance(variance, shape)
         new, speeds = checked(heights, velocities, shape, "the region")
-        if material is not None and material.layers:
-            laid = material.checked(shape)
+        if (laid := together(material).checked(shape)).layers:
             place = slice(row, row + shape[0]), slice(column, column + shape[1])
             self._lay(self._material.written(laid, place, self._shape))
         self._take(row, column, new, speeds, time, certainty)

@@ -89,8 +89,10 @@ def foreign_refused() -> Iterator[None]:
 
 def read(state: bytes | str | os.PathLike[str]) -> bytes:
     """Return the bytes of a state, or of the file of a name; raises `InputError` if it cannot be read."""
-    if not isinstance(state, str | os.PathLike):
+    if isinstance(state, bytes | bytearray | memoryview):
         return bytes(state)
+    if not isinstance(state, str | os.PathLike):
+        raise InputError("state", f"the saved state is {state!r}; pass its bytes or its file")
     try:
         return Path(state).read_bytes()
     except OSError as error:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.checked_heights import checked_time, unmasked
+from smartmesh_ros.errors import InputError, as_float
+from smartmesh_ros.terrain.checked_heights import as_points, checked_time, unmasked
 from smartmesh_ros.terrain.grid import MAX_COORDINATE, FloatArray
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -33,11 +33,7 @@ class GroundSamples(NamedTuple):
 
 def checked_points(points: ArrayLike) -> FloatArray:
     """Return points as (N, 3) [m]; points (N, 2) get z = infinity. Raises `InputError`."""
-    array = unmasked(points, "points")
-    if array.ndim != 2 or array.shape[1] not in (2, 3) or array.dtype.kind not in "fiu":
-        raise InputError(
-            "length", f"points have shape {array.shape}; they must be real numbers of shape (N, 2) or (N, 3)"
-        )
+    array = as_points(points, (2, 3))
     whole = np.full((len(array), 3), np.inf)
     whole[:, : array.shape[1]] = array
     if not np.isfinite(whole[:, :2]).all() or np.isnan(whole[:, 2]).any():
@@ -83,21 +79,20 @@ class Rays(NamedTuple):
 
 def checked_rays(origins: ArrayLike, directions: ArrayLike, reach: float) -> Rays:
     """Return rays with directions of length one. Raises `InputError`."""
-    starts, ways = (
-        np.array(unmasked(values, what), np.float64, order="C")
-        for values, what in ((origins, "origins"), (directions, "directions"))
-    )
-    if starts.ndim != 2 or starts.shape[1] != 3 or starts.shape != ways.shape:
-        raise InputError(
-            "length", f"origins have shape {starts.shape} and directions {ways.shape}; both must be (N, 3)"
-        )
+    given = unmasked(origins, "origins"), unmasked(directions, "directions")
+    shapes = [array.shape for array in given]
+    if len(shapes[0]) != 2 or shapes[0][1] != 3 or shapes[0] != shapes[1]:
+        raise InputError("length", f"origins have shape {shapes[0]} and directions {shapes[1]}; both must be (N, 3)")
+    if any(array.dtype.kind not in "fiu" for array in given):
+        raise InputError("type", "origins or directions are no real numbers; every coordinate must be one")
+    starts, ways = (np.array(array, np.float64, order="C") for array in given)
     if not (np.isfinite(starts).all() and np.isfinite(ways).all()):
         raise InputError(
             "non_finite", "origins or directions contain numbers that are not finite; every number must be"
         )
     if np.abs(starts).max(initial=0.0) > MAX_COORDINATE:
         raise InputError("geometry", f"origins are up to {np.abs(starts).max():g} m away; at most {MAX_COORDINATE:g}")
-    if not 0.0 < reach <= MAX_COORDINATE:
+    if not 0.0 < as_float(reach) <= MAX_COORDINATE:
         raise InputError(
             "range", f"the range of the rays is {reach} m; it must be above zero, at most {MAX_COORDINATE:g}"
         )

@@ -12,7 +12,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.checked_heights import checked_next_time, checked_time, unmasked
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples, ground_heights
-from smartmesh_ros.terrain.motion import CLOCK, INSTANT, KEPT, MotionConfig, MovingGround, next_revision
+from smartmesh_ros.terrain.motion import CLOCK, INSTANT, KEPT, MotionConfig, MovingGround, checked_motion, next_revision
 from smartmesh_ros.terrain.state_file import filled
 
 
@@ -52,7 +52,7 @@ class TriangleMesh(MovingGround):
         self.core_reader: Any = CORE.Mesh(
             self._now, self._velocities, self._offsets, self._rates, as_bytes(self._clocks), self.triangles
         )
-        self._motion = motion or MotionConfig()
+        self._motion = checked_motion(motion)
         self._set_motion()
         self.version = 0
         self._revision = next_revision()
@@ -162,7 +162,7 @@ def _checked_triangles(triangles: ArrayLike, count: int) -> IntArray:
         )
     if corners.dtype.kind not in "iu":
         raise InputError("type", f"triangles are of type {corners.dtype}; they must be whole numbers")
-    corners = corners.astype(np.int64)
+    corners = np.array(corners, np.int64, order="C")
     if corners.min() < 0 or corners.max() >= count:
         raise InputError(
             "index", f"a triangle uses vertex {corners.min()} or {corners.max()}; there are {count}, counted from 0"

@@ -114,6 +114,8 @@ class BodyFactory:
         It is a rigid body (PyBullet's maximal coordinates), because this is several times faster than a multibody
         without joints.
         """
+        if not isinstance(shape, Shape):
+            raise InputError("shape", f"the shape of {name!r} is {shape!r}; pass Sphere, Box, Cylinder or Capsule")
         require_between(f"mass of {name!r}", mass, MASSES, "kg")
         client, config = self._client, self.config
         uid = client.createMultiBody(

@@ -15,7 +15,7 @@ from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.quaternions import conjugate, rotate
 from smartmesh_ros.ground.state import Quaternion, Vector
 from smartmesh_ros.ground.transform import Transform
-from smartmesh_ros.terrain.deck import LEVEL
+from smartmesh_ros.terrain.deck import LEVEL, pose_of
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.world.bodies import Body, BodyFactory
 from smartmesh_ros.world.joints import JointCommand, JointReading, command_joint, read_joints
@@ -125,6 +125,8 @@ class Driving:
         """Raise `InputError` if there is no robot of that name with this joint or driven surface, or if the command is
         not one for a surface."""
         body = self.body(name)
+        if not isinstance(command, JointCommand):
+            raise InputError("joint_command", f"the command is {command!r}; pass JointCommand(velocity=..., ...)")
         if joint in body.surfaces:
             if command.velocity is None or command.position is not None or command.effort is not None:
                 raise InputError("joint_command", f"{joint!r} of {name!r} is a track; it takes a velocity alone [m/s]")
@@ -149,9 +151,14 @@ class Driving:
 
     def carry(self, deck: str, carrier: Carrier | None) -> None:
         """Let a body carry a deck, whenever both are there; None = nobody, and the deck stays where it is. The body may
-        be simulated or tracked; see `Ground.carry`. Raises `InputError` if the body has no such link."""
-        if carrier is not None and carrier.link and carrier.body in self.bodies:
-            link_of(self.bodies[carrier.body], carrier.link)
+        be simulated or tracked; see `Ground.carry`. Raises `InputError` and changes nothing if the body has no such
+        link, or the pose is none."""
+        if carrier is not None:
+            if not isinstance(carrier, Carrier):
+                raise InputError("deck", f"the carrier is {carrier!r}; pass Carrier(body, ...), or None for nobody")
+            pose_of(carrier.position, carrier.orientation)
+            if carrier.link and carrier.body in self.bodies:
+                link_of(self.bodies[carrier.body], carrier.link)
         if deck in self.terrain.decks:
             self.ground.carry(deck, None)
         self.carried.pop(deck, None)

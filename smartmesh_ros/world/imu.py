@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError, is_number, require
+from smartmesh_ros.errors import InputError, checked_seed, is_number, require
 from smartmesh_ros.ground.quaternions import conjugate, product, rotate, rotation_vector, slerp
 from smartmesh_ros.ground.state import BodyState, Quaternion, Vector
 from smartmesh_ros.ground.transform import Transform
@@ -48,11 +48,12 @@ class ImuConfig:
     def __post_init__(self) -> None:
         for name, value in ((one.name, getattr(self, one.name)) for one in fields(self)):
             if name == "seed":
-                possible, wanted = type(value) is int and value >= 0, "a whole number from 0 on"
-            elif name == "rate":
+                object.__setattr__(self, name, checked_seed(value, "imu", "seed of an IMU"))
+                continue
+            if name == "rate":
                 possible, wanted = _is_between(value, *RATES), f"{RATES[0]:g} to {RATES[1]:g} Hz"
             elif name.endswith("bias"):
-                possible = isinstance(value, list | tuple) and len(value) == 3
+                possible = isinstance(value, list | tuple | np.ndarray) and len(value) == 3
                 possible = possible and all(_is_between(one, -LARGEST, LARGEST) for one in value)
                 wanted = "three finite numbers"
             else:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pybullet as pb
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, as_float
 from smartmesh_ros.ground.limits import FARTHEST_BODY, FASTEST_SPIN, STRONGEST
 
 # Effort limit of a joint whose URDF gives none [Nm or N].
@@ -35,7 +35,7 @@ class JointCommand:
     def __post_init__(self) -> None:
         for name, most in (("position", FARTHEST_BODY), ("velocity", FASTEST_SPIN), ("effort", STRONGEST)):
             value = getattr(self, name)
-            if value is not None and not abs(value) <= most:  # also True for NaN
+            if value is not None and not abs(as_float(value)) <= most:  # also True for NaN
                 raise InputError("non_finite", f"a joint command has {name} {value}; it must be finite, to {most:g}")
         if self.has_target and self.effort is not None and self.effort < 0.0:
             raise InputError("joint_command", f"effort {self.effort} bounds a target's; it must be zero or more")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -66,16 +67,13 @@ class Population(Driving):
         some part of the body is over no ground is refused.
         """
         self._require_free(name)
-        state = state or BodyState()
-        if on_ground:
-            state = finished(self.stance_of(name, shape, state, align=align)).on(self.ground_at, clearance)
-        require_possible(name, state)
-        self._add(self._factory.simulated(name, shape, mass, state))
+        start = self._start_of(name, shape, state, on_ground=on_ground, clearance=clearance, align=align)
+        self._add(self._factory.simulated(name, shape, mass, start))
 
     def spawn_robot(
         self,
         name: str,
-        urdf: str | PreparedRobot,
+        urdf: str | os.PathLike[str] | PreparedRobot,
         state: BodyState | None = None,
         *,
         on_ground: bool = False,
@@ -88,12 +86,9 @@ class Population(Driving):
         A robot that was prepared by `prepare_robot`, in another thread for example, is added in a few milliseconds.
         """
         self._require_free(name)
-        state = state or BodyState()
-        robot = prepare_robot(urdf) if isinstance(urdf, str) else urdf
-        if on_ground:
-            state = finished(self.stance_of(name, robot, state, align=align)).on(self.ground_at, clearance)
-        require_possible(name, state)
-        self._add(self._factory.robot(name, robot, state))
+        robot = prepare_robot(urdf)
+        start = self._start_of(name, robot, state, on_ground=on_ground, clearance=clearance, align=align)
+        self._add(self._factory.robot(name, robot, start))
 
     def stance_of(
         self, name: str, what: Shape | PreparedRobot, state: BodyState, *, align: bool = False
@@ -127,12 +122,11 @@ class Population(Driving):
         rays = checked_rays(origins_w, directions_w, reach)
         return cast_rays(self.client, self.bodies, self.ground.rays, rays, self.time, through)
 
-    def replace_robot(self, name: str, urdf: str | PreparedRobot) -> None:
+    def replace_robot(self, name: str, urdf: str | os.PathLike[str] | PreparedRobot) -> None:
         """Replace a robot by another at the current pose of its base; raises `InputError` and changes nothing if the
         URDF does not load."""
         old = self._own_body(name)
-        robot = prepare_robot(urdf) if isinstance(urdf, str) else urdf
-        new = self._factory.robot(name, robot, self.state(name))
+        new = self._factory.robot(name, prepare_robot(urdf), self.state(name))
         new.initial = old.initial
         self._exchange(old, new)
 
@@ -143,7 +137,7 @@ class Population(Driving):
         """
         require_possible(name, state)
         body = self.bodies.get(name)
-        solid = Sphere(shape) if isinstance(shape, int | float) else shape
+        solid = shape if isinstance(shape, Solid) else Sphere(shape)
         if body is None:
             self._require_free(name)
             self._add(self._factory.tracked(name, solid, state))
@@ -213,14 +207,22 @@ class Population(Driving):
 
     @contextmanager
     def _beside(self) -> Iterator[Any]:
-        """Give the block an empty PyBullet beside the world's. A later block may get the same one, because to make one
-        takes longer than most measurements."""
+        """Give the block an empty PyBullet beside the world's, kept for later blocks: to connect one takes 20 ms."""
         client: Any = self._spare.pop() if self._spare else BulletClient(pb.DIRECT)
         client.resetSimulation()
         try:
             yield client
         finally:
             self._spare.append(client)
+
+    def _start_of(self, name: str, what: Shape | PreparedRobot, state: BodyState | None, **standing: Any) -> BodyState:
+        """Return the state in which a new body starts; ``standing``: options of `spawn`. Raises `InputError`."""
+        state = state or BodyState()
+        if standing["on_ground"]:
+            stance = finished(self.stance_of(name, what, state, align=standing["align"]))
+            state = stance.on(self.ground_at, standing["clearance"])
+        require_possible(name, state)
+        return state
 
     def _own_body(self, name: str) -> Body:
         """Return a body that this world simulates or tracks; raises `InputError` for a remote body."""
@@ -256,14 +258,12 @@ class Population(Driving):
         self._set_ends({key: end for key, end in self._ends.items() if key[0] != body.name})
 
     def _require_free(self, name: str) -> None:
-        if not name or "/" in name:
+        if not (name and isinstance(name, str)) or "/" in name:
             raise InputError("empty_id", f"{name!r} cannot name a body; a name is not empty and has no '/'")
         if owner := self.guests.owner_of(name):
             raise InputError("duplicate_id", f"{name!r} is simulated by {owner} already; choose another name")
         if name in self.bodies:
-            raise InputError(
-                "duplicate_id", f"there is a body {name!r} already; remove it first or choose another name"
-            )
+            raise InputError("duplicate_id", f"there is a body {name!r} already; remove it or choose another name")
 
     def _add(self, body: Body) -> None:
         self._put_on_ground(body)
@@ -297,4 +297,4 @@ class Population(Driving):
     def _attach(self, body: Body, follower: Follower, name: str) -> None:
         """Record what this world knows of a new follower."""
         follower.name = name
-        self.ground.set_owner(follower.slot, own=body.simulated, remote=bool(body.owner))
+        self.ground.set_owner(follower.slot, own=body.simulated and not body.fixed, remote=bool(body.owner))

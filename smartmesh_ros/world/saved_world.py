@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import pybullet as pb
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import checked_seed
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.shapes import Hull
 from smartmesh_ros.soil.soil import Soil
@@ -143,8 +143,8 @@ class SavedWorld(Population):
         with the same bodies, seed and commands are then equal to the last bit; of the first one only if it began with
         such a reset, too.
         """
-        if seed is not None and not (isinstance(seed, int) and seed >= 0):
-            raise InputError("seed", f"the seed is {seed!r}; it must be a whole number from 0 on")
+        if seed is not None:
+            seed = checked_seed(seed, "seed", "the seed")
         self.reset_time()
         if seed is not None:
             self._begin_episode(seed)

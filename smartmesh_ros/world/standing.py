@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, as_float
 from smartmesh_ros.ground.quaternions import product
 from smartmesh_ros.ground.state import BodyState, Quaternion
 from smartmesh_ros.terrain.grid import FloatArray
@@ -53,7 +53,7 @@ class Stance(NamedTuple):
 
     def on(self, ground_at: GroundAt, clearance: float) -> BodyState:
         """Return the state ``clearance`` [m] above the ground as it is now, and moving with it. Raises `InputError`."""
-        if not (math.isfinite(clearance) and clearance >= 0.0):
+        if not 0.0 <= as_float(clearance) < math.inf:
             raise InputError("geometry", f"clearance is {clearance} m; it must be zero or more")
         x, y, _ = self.state.position
         lifts = ground_at(self.points[:, :2]).z - self.points[:, 2]

@@ -50,7 +50,7 @@ class World(SavedWorld):
         config: WorldConfig | None = None,
         stopwatch: Stopwatch | None = None,
     ) -> None:
-        self.config = config or WorldConfig()
+        self.config = _checked(config or WorldConfig())
         self.terrain = Terrain() if terrain is None else Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
         self.watchers: list[StepWatcher] = []
@@ -94,6 +94,7 @@ class World(SavedWorld):
 
     def configure(self, config: WorldConfig) -> None:
         """Replace the settings; new friction and restitution apply to later bodies only."""
+        _checked(config)
         self.ground.wake()  # PyBullet changes the gravity of awake bodies only
         before = self.config
         with undone(lambda: set_up(self.client, before.physics)):
@@ -201,3 +202,10 @@ class World(SavedWorld):
 
     def _let_sleep(self) -> None:
         self.ground.let_sleep(self.config.sleep if self.config.physics.sleep else None)
+
+
+def _checked(config: WorldConfig) -> WorldConfig:
+    """Return the settings of a world; raises `InputError` if they are none."""
+    if not isinstance(config, WorldConfig):
+        raise InputError("parameter", f"the settings are {config!r}; pass WorldConfig(physics=..., ...)")
+    return config

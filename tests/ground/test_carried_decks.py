@@ -106,6 +106,13 @@ LIFT = robot(
 )  # fmt: skip
 
 
+# Carriers that cannot be, also while there is no such body.
+WRONG: list[Any] = [
+    *(Carrier("lift", "roof"), "lift", Carrier("lift", position=(0.0, 0.0)), Carrier("lift", orientation=(0.0,) * 4)),
+    *(Carrier("later", "roof", (0.0, 0.0)), Carrier("later", position="up")),  # type: ignore[arg-type]
+]
+
+
 def test_a_lift_carries_a_box_up_also_once_it_is_restored_and_rests_when_the_lift_is_gone() -> None:
     terrain = Terrain(level(11, 1.0))
     terrain.put("cage", Deck(level(5, 0.25), thickness=0.2))
@@ -123,8 +130,11 @@ def test_a_lift_carries_a_box_up_also_once_it_is_restored_and_rests_when_the_lif
             world.restore(world.save())  # in another PyBullet
             world.step()
         cage = world.client.getLinkState(world.bodies["lift"].uid, 0)
-        with pytest.raises(InputError):
-            world.carry("cage", Carrier("lift", "roof"))
+        for wrong in WRONG:
+            with pytest.raises(InputError):
+                world.carry("cage", wrong)
+        world.step()
+        assert world.carried == {"cage": Carrier("lift", "cage", (0.0, 0.0, 0.05))}
         world.remove("lift")
         world.step(240)
         assert world.state("box").position[2] == pytest.approx(cage[0][2] + 0.2, abs=5e-3)

@@ -10,8 +10,19 @@ import pybullet as pb
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import BodyState, Ground, HeightMap, InputError, Sphere, Terrain, World
-from smartmesh_ros.ground.shapes import Box
+from smartmesh_ros import (
+    BodyState,
+    Box,
+    Ground,
+    HeightMap,
+    InputError,
+    JointCommand,
+    PhysicsConfig,
+    Sphere,
+    Terrain,
+    World,
+)
+from smartmesh_ros.ground.shapes import Hull
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.grounds import level
@@ -46,10 +57,43 @@ def test_a_client_may_be_a_number_and_its_ground_is_told_from_other_bodies(clien
     assert not ground.is_ground(touched)
 
 
+def worlds() -> Iterator[tuple[Callable[[int], Any], str]]:
+    """Calls of a world that are wrong, and words of the refusals."""
+
+    def of(call: Callable[[World], Any]) -> Callable[[int], Any]:
+        def act(_: int) -> Any:
+            with World(level()) as world:
+                return call(world)
+
+        return act
+
+    shapes = "pass Sphere, Box, Cylinder or Capsule"
+    for shape in ("ball", None, 0.2, Hull(((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)))):
+        yield of(lambda w, shape=shape: w.spawn("it", shape, 1.0)), shapes
+    yield of(lambda w: w.spawn("it", Sphere(0.1), "heavy")), "mass of 'it' is heavy kg"
+    yield of(lambda w: w.spawn("it", Sphere(0.1), 1.0, (0.0, 0.0, 1.0))), "pass BodyState(position, ...)"
+    yield of(lambda w: w.spawn("it", Sphere(0.1), 1.0, on_ground=True, clearance="some")), "clearance is some m"
+    yield of(lambda w: w.spawn(5, Sphere(0.1), 1.0)), "5 cannot name a body"
+    yield of(lambda w: w.track("it", "ball", BodyState())), "radius of the sphere is ball m"
+    yield of(lambda w: w.spawn_robot("it", 5)), "type int; pass the text or the path of a URDF"
+    yield of(lambda w: w.command("it", "wheel", 3.0)), "no body 'it'"
+    yield of(lambda w: w.configure(PhysicsConfig())), "pass WorldConfig(physics="
+    yield of(lambda w: w.reset(seed=0.5)), "whole number"
+    yield of(lambda w: w.restore(None)), "the saved state is None; pass its bytes or its file"
+    yield (lambda c: World(level(), PhysicsConfig())), "pass WorldConfig(physics="
+    yield (lambda c: PhysicsConfig(gravity=9.81)), "gravity is 9.81; it must be three"
+    yield (lambda c: PhysicsConfig(rate="fast")), "rate is fast Hz"
+    yield (lambda c: JointCommand(velocity="3")), "velocity 3; it must be finite"
+    for position in ((1.0, 0.0), "up", None, 1.0, (0.0, 0.0, None)):
+        yield (lambda c, position=position: BodyState(position)), "it must be 3 numbers"
+    yield (lambda c: BodyState((0.0, 0.0, 1.0), (0.0, 0.0, 1.0))), "it must be 4 numbers"
+
+
 def times() -> Iterator[Callable[[int], Any]]:
     for time in (np.nan, np.inf, None, "now"):
         yield lambda c, time=time: level(time=time)
         yield lambda c, time=time: level().show(time)
+        yield lambda c, time=time: Terrain(level()).shift_time(time)
         yield lambda c, time=time: Ground(c, level()).step(time, 1 / 240)
         yield lambda c, time=time: Ground(c, level()).update(time, 1 / 240)
         yield lambda c, time=time: Ground(c, level()).at([[0.0, 0.0]], time)
@@ -86,6 +130,12 @@ def times() -> Iterator[Callable[[int], Any]]:
         (lambda c: level(time=5.0).update_region(0, 0, np.zeros((2, 2)), time=4.0), "call shift_time"),
         (lambda c: Ground(c, level()).step(0.0, 0.01), "dt is 0.01 s, but PyBullet steps 0.0041666"),
         (lambda c: Ground(c, level()).step(0.0, 0.01), "s; call setTimeStep(0.01)"),
+        (lambda c: Ground(c, level()).set_soil("clay"), "pass Soil(ground.terrain, ...)"),
+        (lambda c: Ground(c, level()).let_sleep(True), "pass SleepConfig(...), or None"),
+        (lambda c: [g := Ground(c, level()), g.attach(b := ball_in(c)), g.drive(b, -1, None, 1.0)], "three numbers"),
+        (lambda c: Ground(c, level()).step(0.0, None), "dt is None s"),
+        (lambda c: Ground(c, level()).show("often"), "above zero"),
+        *worlds(),
         *((call, "it must be a finite number of seconds") for call in times()),
         *((lambda c, rate=rate: Ground(c, level()).show(rate), "above zero") for rate in (0.0, -1.0, np.nan, np.inf)),
     ],

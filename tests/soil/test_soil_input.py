@@ -35,6 +35,7 @@ def of_kinds(kinds: np.ndarray) -> Soil:
         (lambda: of_kinds(np.full((20, 20), -1)), "-1 to -1"),
         (lambda: of_kinds(np.zeros((20, 20))), "whole numbers"),
         (lambda: Soil(level(), "lunar", spacing=0.0), "spacing"),
+        (lambda: Soil(level(), "lunar", spacing="fine"), "spacing is fine"),
         (lambda: Soil(level(), "porridge"), "no soil"),
         (lambda: Soil(level(101, 10.0), "lunar"), r"on cells of 10 m; it must be above 0\.01 m"),
         (lambda: Soil(level(1000, 5.0), "lunar"), "raise spacing"),
@@ -45,6 +46,11 @@ def of_kinds(kinds: np.ndarray) -> Soil:
 def test_what_cannot_be_is_refused(make: Callable[[], object], words: str) -> None:
     with pytest.raises(InputError, match=words):
         make()
+
+
+def test_parameters_of_numpy_are_those_of_python() -> None:
+    given = {name: np.float32(value) for name, value in SAND.items()}
+    assert SoilType(**given) == SoilType(**{name: float(value) for name, value in given.items()})
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import math
 import pickle
+import warnings
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -29,6 +30,14 @@ grid_map = partial(from_grid_map, np.zeros((5, 4)), centre=(0.0, 0.0), resolutio
 
 def rays(origins: Any, directions: Any = DOWN, reach: float = 1.0) -> object:
     return checked_rays(origins, directions, reach)
+
+
+def flat(**given: Any) -> HeightMap:
+    return HeightMap(np.zeros((9, 12)), **{"resolution": 0.1, **given})
+
+
+def places(points: Any) -> object:
+    return flat().at(points, 0.0)
 
 
 def mesh(vertices: Any = PLACES, triangles: Any = TRIANGLES, **more: Any) -> TriangleMesh:
@@ -62,8 +71,14 @@ REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
     (geometry, "geometry"): [
         ({"rows": 2}, "3 x 3"), ({"columns": 0}, "3 x 3"), ({"origin": (0.0, INF, 0.0)}, "origin"),
         ({"yaw": NAN}, "yaw"), *(({"resolution": value}, "resolution") for value in (0.0, -0.1, NAN)),
+        *(({"rows": rows}, "whole numbers") for rows in (5.0, "5", None)),
+        *(({"origin": origin}, "three numbers") for origin in (None, 0.0, ("x", 0.0, 0.0))),
+        ({"resolution": None}, "resolution is None"), ({"yaw": "north"}, "yaw is north"),
     ],
-    (geometry, "size"): [({"rows": 2**20, "columns": 2**20}, "too many")],
+    (geometry, "size"): [
+        ({"rows": count, "columns": count}, "too many") for count in (2**20, np.int32(2**16), np.uint16(65535))
+    ],
+    (flat, "geometry"): [({"resolution": None, "geometry": (9, 12)}, "pass GridGeometry(rows=..., ...)")],
     (checked_points, "length"): [(([[0.0]],), "(N, 2)"), (([0.0, 0.0],), "(N, 2)"), (([["a", "b"]],), "real numbers")],
     (checked_points, "non_finite"): [
         (([[NAN, 0.0]],), "finite"), (([[0.0, INF]],), "finite"),
@@ -74,7 +89,12 @@ REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
     (rays, "non_finite"): [(([[0, 0, NAN]],), "not finite"), (([[0, 0, 1]], [[0, INF, -1]]), "not finite")],
     (rays, "direction"): [(([[0, 0, 1]], [[0, 0, 0]]), "direction 0 has no length")],
     (rays, "geometry"): [(([[0, 0, 1e300]],), "up to 1e+300 m away")],
-    (rays, "range"): [(([[0, 0, 1]], DOWN, reach), "range") for reach in (0.0, INF)],
+    (rays, "range"): [(([[0, 0, 1]], DOWN, reach), "range") for reach in (0.0, INF, None, "far")],
+    (rays, "type"): [(([["a", 0, 1]],), "no real numbers")],
+    (places, "length"): [((points,), "real numbers of shape (N, 2)")
+                         for points in ([], None, [[0.0, 0.0, 0.0]], np.zeros((2, 2, 2)), [["a", "b"]], [[1j, 0.0]])],
+    (flat, "parameter"): [({"motion": "hold"}, "pass MotionConfig(mode=...)")],
+    (flat, "type"): [({"material": {"friction": 0.5}}, "pass Material(friction=..., ...)")],
     (mesh, "length"): [
         ((PLACES[:, :2],), "(V, 3)"), ((PLACES, [[0, 1]]), "(T, 3)"), ((PLACES, np.zeros((0, 3), int)), "at least one"),
         ({"velocities": np.zeros((3, 3))}, "(48, 3)"),
@@ -105,6 +125,11 @@ def map_update(how: str, *place: int, heights: Any = ONES, **given: Any) -> tupl
     return heightmap, lambda: getattr(heightmap, how)(*place, heights, **{"time": 1.0, **given})
 
 
+def map_shift(by: Any) -> tuple[HeightMap, Any]:
+    heightmap = flat()
+    return heightmap, lambda: heightmap.shift_time(by)
+
+
 def mesh_update(vertices: Any, **given: Any) -> tuple[TriangleMesh, Any]:
     made = mesh()
     return made, lambda: made.move(vertices, time=1.0, **given)
@@ -124,6 +149,9 @@ UPDATES = [
         ("replace", (), (9, 13), "length"), ("update_region", (7, 0), (3, 1), "region"),
         ("update_region", (0, -1), (1, 1), "region"), ("update_region", (0, 0), (0, 1), "length"),
         ("update_region", (0, 0), (3,), "length"))),
+    *((map_update, ("update_region", row, 0), {"heights": np.zeros((2, 2))}, "region")
+        for row in (1.0, "1", None, np.uint8(255))),
+    *((map_shift, (by,), {}, "time") for by in (NAN, INF, None, "later")),
     *((mesh_update, (vertices,), {} if indices is None else {"indices": indices}, reason)
         for vertices, indices, reason in (
             (np.zeros((3, 3)), None, "length"), (np.zeros((1, 3)), [48], "index"), (np.zeros((2, 3)), [4, 4], "index"),
@@ -141,3 +169,23 @@ def test_an_update_that_is_refused_changes_nothing(
         act()
     assert refused.value.reason == reason
     assert (pickle.dumps(ground), ground.revision) == (before, revision)
+
+
+@pytest.mark.parametrize("number", [0.25, np.float32(0.25), np.float64(0.25)])
+def test_a_number_of_numpy_is_a_number(number: Any) -> None:
+    heightmap = flat(variance=number, friction=number)
+    heightmap.replace(np.zeros((9, 12)), time=1.0, variance=number)
+    heightmap.update_region(np.uint8(1), np.int64(2), np.zeros((2, 2)), time=2.0, variance=number)
+    assert heightmap.noise == 0.5 and heightmap.friction == 0.25
+    scan = HeightScan.of("isaac_lab", spacing=number, size=np.ones(2), seed=np.int32(3))
+    assert (scan.spacing, scan.size, scan.seed) == (0.25, (1.0, 1.0), 3)
+
+
+def test_triangles_may_lie_in_memory_in_any_order() -> None:
+    assert np.array_equal(mesh(triangles=np.asfortranarray(TRIANGLES)).triangles, TRIANGLES)
+
+
+def test_heights_whose_sum_is_too_large_are_taken_without_a_warning() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert HeightMap(np.full((9, 12), 1e38), resolution=0.1).heights[0, 0] == np.float32(1e38)

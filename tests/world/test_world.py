@@ -3,6 +3,8 @@
 import math
 from collections.abc import Callable
 from itertools import product
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -117,3 +119,30 @@ def test_a_plank_stands_on_its_edge_not_in_the_ground(urdf: str) -> None:
         assert math.hypot(*state.linear) < 1e-3
         assert state.position[2] > 0.2 and world.rescues == 0, "it leans on the step"
         assert -1e-4 < corners[:, 2].min() < 1e-3
+
+
+@pytest.mark.parametrize("kind", [np.array, list, lambda numbers: np.array(numbers, np.float32)])
+def test_states_of_arrays_are_those_of_tuples_and_are_saved(kind: Callable[[Any], Any]) -> None:
+    """Two worlds are in the same state if their numbers are the same, whatever these were given as."""
+    found = []
+    for each in (tuple, kind):
+        state = BodyState(each((2.0, 2.0, 1.0)), each((0.0, 0.0, 0.0, 1.0)), each((1.0, 0.0, 0.0)))
+        physics = PhysicsConfig(gravity=each((0.0, 0.0, -5.0)))
+        with World(level(), WorldConfig(physics=physics)) as world:
+            world.spawn("ball", Sphere(0.25), 1.0, state)
+            world.step(3)
+            world.restore(world.save())
+            assert world.config.physics == PhysicsConfig(gravity=(0.0, 0.0, -5.0))
+            found.append(world.snapshot())
+    assert found[0] == found[1] and found[0].hash == found[1].hash
+
+
+def test_robots_come_from_paths_and_seeds_and_radii_from_numpy() -> None:
+    file = Path(urdfs.ROVER)
+    with World(level()) as world:
+        world.spawn_robot("rover", file, on_ground=True)
+        world.track("walker", np.float32(0.25), BodyState((1.0, 1.0, 0.5)))
+        world.replace_robot("rover", file)
+        world.reset(seed=np.int64(7))
+        world.restore(world.save())
+        assert world.seed == 7 and world.bodies["walker"].shape == Sphere(0.25)

@@ -6,6 +6,7 @@
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 #include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
 
+#include "bullet/broadphase.h"
 #include "bullet/link_motion.h"
 
 namespace smartmesh {
@@ -118,7 +119,12 @@ void BulletWorld::detach(int index) {
     wake_body(slot.body);
   else
     --gone_;
-  if (slot.ground != nullptr) slot.ground->setCollisionShape(slot.shape_before);
+  if (slot.ground != nullptr) {  // nobody removed it from PyBullet: it stays, where nothing meets it
+    slot.ground->setCollisionShape(slot.shape_before);
+    const btVector3 away(0, 0, FAR_BELOW);
+    slot.ground->setWorldTransform(btTransform(btQuaternion::getIdentity(), away));
+    world_->getBroadphase()->setAabb(slot.ground->getBroadphaseHandle(), away, away, world_->getDispatcher());
+  }
   for (int body : {slot.body, slot.proxy}) {
     if (body < 0) continue;
     auto& roles = of_body(body).roles;

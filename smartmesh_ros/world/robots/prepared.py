@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import copy
 import hashlib
+import os
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -70,13 +71,18 @@ _remembered: OrderedDict[str, Mapping[str, bytes]] = OrderedDict()
 _lock = Lock()
 
 
-def prepare_robot(urdf: str) -> PreparedRobot:
-    """Prepare a robot from its URDF text (starts with ``<``) or the path of its file. Raises `InputError` if the robot
-    cannot be simulated.
+def prepare_robot(urdf: str | os.PathLike[str] | PreparedRobot) -> PreparedRobot:
+    """Prepare a robot from its URDF text (starts with ``<``) or the path of its file; one that was prepared before is
+    returned as it is. Raises `InputError` if the robot cannot be simulated.
 
     The first preparation of a robot takes a while (a child process starts, and reads the meshes); a robot of the same
     content is remembered. Threads may call this function.
     """
+    if isinstance(urdf, PreparedRobot):
+        return urdf
+    if not isinstance(urdf, str | os.PathLike):
+        raise InputError("urdf", f"the robot is of type {type(urdf).__name__}; pass the text or the path of a URDF")
+    urdf = os.fspath(urdf)
     robot = _rewritten(urdf, read_description(urdf))
     with _lock:
         if robot.text not in _remembered:
