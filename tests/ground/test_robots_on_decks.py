@@ -1,5 +1,6 @@
-"""Bodies and robots on decks at constant velocity move as on ground at rest."""
+"""Bodies and robots on decks at constant velocity move as on ground at rest, and rest on decks that turn."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -71,3 +72,22 @@ def test_physics_on_a_deck_at_constant_velocity_is_that_on_ground_at_rest(
     """Galilei, to rounding; boxes on waves to 1 cm: rounding decides by which of two facets an edge there turns."""
     at_rest, moved = thrown(body, np.zeros(3), waves, surface, 0.0), thrown(body, DRIFT, waves, surface, yaw)
     np.testing.assert_allclose(moved, at_rest, rtol=0.0, atol=error)
+
+
+@pytest.mark.parametrize(("body", "height"), [(BOX, 0.15), (ROOT, 0.1)])
+def test_what_rests_on_a_turning_deck_stays_there_where_friction_resists_rolling_and_spinning(
+    body: Shape | str, height: float
+) -> None:
+    """A metre off the axis, for half a turn: bodies of such friction know how the ground turns, beside how it moves."""
+    terrain, spin = Terrain(), np.array([0.0, 0.0, 1.0])
+    deck = Deck(level(41, 0.2))
+    terrain.put("deck", deck)
+    with world_of(terrain, friction=0.8, sleep=False) as world:
+        add(world, "body", body, BodyState((1.0, 0.0, height), linear=(0.0, 1.0, 0.0), angular=tuple(spin)))
+        world.client.changeDynamics(world.bodies["body"].uid, -1, rollingFriction=0.02, spinningFriction=0.05)
+        while world.time < math.pi:
+            deck.move(np.zeros(3), about_z(world.time), time=world.time, velocity=np.zeros(3), spin=spin)
+            world.step()
+        found, turn = world.state("body"), rotation(about_z(world.time))
+    np.testing.assert_allclose(turn.T @ found.position, (1.0, 0.0, height), rtol=0.0, atol=3e-3)
+    np.testing.assert_allclose(found.angular, spin, rtol=0.0, atol=1e-2)

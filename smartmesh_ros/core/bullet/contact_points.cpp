@@ -75,7 +75,10 @@ void tell_slide(const Vec3& slide, const Slip& slip, const Vec3& normal, const T
   if (btRigidBody::upcast(&touching.body) == nullptr) {
     // As if the body held on to a point of the ground that is where its own is, and which friction pulls it to in the
     // step. The way from the ground to the body has no part in that: it is not along the normal if that is turned.
-    const btVector3 way = aim * touching.anchor_time;
+    // If the proxy turns, that point has another velocity than the contact: way / time + angular velocity x way = aim.
+    const btVector3 turn = touching.ground.getAngularVelocity() * touching.anchor_time;
+    const btVector3 way =
+        (aim + turn * turn.dot(aim) - turn.cross(aim)) * (touching.anchor_time / (1.0 + turn.length2()));
     if (way.fuzzyZero()) return;
     btVector3 &on_a = point.m_positionWorldOnA, &on_b = point.m_positionWorldOnB;
     (touching.ground_is_b ? on_b : on_a) = (touching.ground_is_b ? on_a : on_b) + way;
@@ -139,10 +142,12 @@ void write_contacts(const std::vector<Contact>& contacts, const std::vector<Cont
     point.m_combinedRollingFriction = row.friction.rolling;
     point.m_combinedSpinningFriction = row.friction.spinning;
     point.m_combinedRestitution = 0.0;  // the speed of the row has it
-    const Vec3 carried =
-        from_bullet(touching.ground.getVelocityInLocalPoint(to_bullet(contact.point) - proxy.getOrigin()));
-    tell_speed(row.speed - dot(row.normal, carried), row.softness, touching, point);
-    tell_slide(row.slide - carried, row.slip, row.normal, touching, point);
+    const btVector3& on_ground = touching.ground_is_b ? point.m_positionWorldOnB : point.m_positionWorldOnA;
+    const auto carried = [&] {
+      return from_bullet(touching.ground.getVelocityInLocalPoint(on_ground - proxy.getOrigin()));
+    };
+    tell_slide(row.slide - carried(), row.slip, row.normal, touching, point);
+    tell_speed(row.speed - dot(row.normal, carried()), row.softness, touching, point);
     const OldContact* old = matching(contact, before, touching.duration);
     if (old == nullptr) continue;
     const btVector3 friction = to_bullet(old->friction * sign);
