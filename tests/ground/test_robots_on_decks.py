@@ -34,16 +34,18 @@ SKATES: Surface = {"anisotropicFriction": (1.0, 0.5, 0.5)}
 SOFT: Surface = {"contactStiffness": 3000.0, "contactDamping": 50.0}
 
 
-def thrown(body: Shape | str, drift: FloatArray, waves: float, surface: Surface, yaw: float) -> FloatArray:
+def thrown(
+    body: Shape | str, drift: FloatArray, waves: float, surface: Surface, yaw: float, height: float = 0.6
+) -> FloatArray:
     """Places of a body, or of the root of a robot, that is thrown onto a deck, in the deck's frame after each step [m].
 
     ``drift`` [m/s]: of the deck, zero = the ground is no deck. ``waves`` [m]: amplitude of waves on the ground.
-    ``surface``: of the body. ``yaw`` [rad]: of the deck."""
+    ``surface``: of the body. ``yaw`` [rad]: of the deck. ``height`` [m]: of the body at the start."""
     tile, terrain, found, turn = level(41, 0.2), Terrain(), [], rotation(about_z(yaw))
     terrain.put("deck", Deck(tile) if drift.any() else tile)
     linear, spin = turn @ [1.0, 0.5, -2.0] + drift, turn @ [2.0, 3.0, 1.0]
     with world_of(terrain, restitution=0.3, sleep=False) as world:
-        state = BodyState(tuple(turn @ [0.2, 0.34, 0.6]), about_z(yaw), tuple(linear), tuple(spin))
+        state = BodyState(tuple(turn @ [0.2, 0.34, height]), about_z(yaw), tuple(linear), tuple(spin))
         add(world, "body", body, state)
         world.client.changeDynamics(world.bodies["body"].uid, -1, **surface)
         for step in range(180):
@@ -72,6 +74,14 @@ def test_physics_on_a_deck_at_constant_velocity_is_that_on_ground_at_rest(
     """Galilei, to rounding; boxes on waves to 1 cm: rounding decides by which of two facets an edge there turns."""
     at_rest, moved = thrown(body, np.zeros(3), waves, surface, 0.0), thrown(body, DRIFT, waves, surface, yaw)
     np.testing.assert_allclose(moved, at_rest, rtol=0.0, atol=error)
+
+
+@pytest.mark.parametrize("height", [0.02, -0.1])
+@pytest.mark.parametrize("body", [BOX, ROOT])
+def test_what_begins_in_a_deck_comes_out_as_out_of_ground_at_rest(body: Shape | str, height: float) -> None:
+    """The solver pushes it out if its middle is above the ground; else it is put onto it, at most at 5 m/s along it."""
+    at_rest, moved = (thrown(body, drift, 0.0, PLAIN, 0.0, height) for drift in (np.zeros(3), DRIFT))
+    np.testing.assert_allclose(moved, at_rest, rtol=0.0, atol=1e-6)
 
 
 @pytest.mark.parametrize(("body", "height"), [(BOX, 0.15), (ROOT, 0.1)])

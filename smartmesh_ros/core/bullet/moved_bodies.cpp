@@ -14,7 +14,7 @@ namespace smartmesh {
 
 namespace {
 
-// Largest horizontal speed that a body keeps that is put back onto the ground [m/s].
+// Largest horizontal speed on the ground that a body keeps that is put back onto it [m/s].
 constexpr double FASTEST_RESCUED = 5.0;
 
 // Returns true if the base of a body has no mass, so that physics does not move it.
@@ -157,7 +157,8 @@ std::vector<int> BulletWorld::find_nowhere(double farthest) const {
 void BulletWorld::lift_bodies() {
   if (maybe_below_.empty()) return;
   struct Lift {
-    double by, rate;
+    double by;
+    Vec3 ground;
   };
   std::map<int, Lift> lifts;  // robots as a whole, by the largest lift of their links
   GroundReader reader = terrain->reader(time, INSTANT);
@@ -166,26 +167,25 @@ void BulletWorld::lift_bodies() {
     const GroundPoint ground = ground_above_all_parts(k, reader);
     if (std::isnan(ground.height)) continue;
     const BodyPose pose = body_pose(slots_[k].object->getWorldTransform());
-    const Lift lift{ground.height - slots_[k].body_shape->lowest(pose), ground.velocity.z};
+    const Lift lift{ground.height - slots_[k].body_shape->lowest(pose), ground.velocity};
     const auto [known, is_new] = lifts.try_emplace(slots_[k].body, lift);
     if (!is_new && lift.by > known->second.by) known->second = lift;
   }
-  for (const auto& [body, lift] : lifts) lift_body(body, lift.by, lift.rate);
+  for (const auto& [body, lift] : lifts) lift_body(body, lift.by, lift.ground);
 }
 
-// Lifts a body [m], and gives it the ground's vertical velocity `rate` [m/s].
-void BulletWorld::lift_body(int body, double by, double rate) {
+// Lifts a body [m], and gives it the vertical velocity of the `ground` [m/s].
+void BulletWorld::lift_body(int body, double by, const Vec3& ground) {
   const Slot* slot = moving_slot(bodies_[body]);
   if (slot == nullptr || is_fixed(*slot->object)) return;
   btCollisionObject& object = *slot->object;
   btTransform pose = base_of(object);
   pose.getOrigin().setZ(pose.getOrigin().z() + by);
-  btVector3 velocity = velocity_of_base(object);
-  const double speed = std::hypot(velocity.x(), velocity.y());
-  if (speed > FASTEST_RESCUED) velocity *= FASTEST_RESCUED / speed;
-  velocity.setZ(rate);
+  btVector3 slide = velocity_of_base(object) - to_bullet(ground);
+  slide.setZ(0.0);
+  if (const double speed = slide.length(); speed > FASTEST_RESCUED) slide *= FASTEST_RESCUED / speed;
   put(object, pose, *world_);
-  set_velocity_of_base(object, velocity);
+  set_velocity_of_base(object, to_bullet(ground) + slide);
   ++rescues_;
   wake_body(body);
   for (const Role& role : bodies_[body].roles)

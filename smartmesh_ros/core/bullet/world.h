@@ -183,7 +183,7 @@ class BulletWorld {
   GroundPoint ground_above_all_parts(int slot, GroundReader& reader) const;
   void move_with_corrections();
   void lift_bodies();
-  void lift_body(int body, double by, double rate);
+  void lift_body(int body, double by, const Vec3& ground);
   // Returns true for the slots that have contacts with the ground.
   std::vector<bool> find_touching();
   void find_carriers();

@@ -162,7 +162,7 @@ void BulletWorld::place(Slot& slot) {
   const double by_decks = terrain->decks().empty() ? -1.0 : find_decks(slot, bounds);
   moved = std::max(moved, by_decks);
   const Bounds reach = swept.grown(moved);
-  const bool is_far = near.highest < reach.low.z && by_decks < 0.0;
+  const bool is_above = near.highest < reach.low.z, is_far = is_above && by_decks < 0.0;
   bound(*world_, ground, is_far ? nullptr : &reach);
   if (is_far) return;
   low = to_bullet(reach.low), high = to_bullet(reach.high);
@@ -172,7 +172,8 @@ void BulletWorld::place(Slot& slot) {
   slot.shape->origin = frame.getOrigin();
   ground.setWorldTransform(frame);
   ground.setInterpolationWorldTransform(frame);
-  ground.setLinearVelocity(to_bullet(near.velocity));
+  // What the solver does beside the rows of contacts, as pushing deep bodies out, is relative to the proxy.
+  ground.setLinearVelocity(to_bullet(is_above ? slot.decks.front().velocity : near.velocity));
   ground.setAngularVelocity(to_bullet(slot.ground_angular));
   // Bullet's solver has a copy of each kinematic body, and one for all that are static.
   const bool rests = ground.getLinearVelocity().isZero() && ground.getAngularVelocity().isZero();

@@ -31,6 +31,7 @@ bool is_near(Deck& deck, const Bounds& bounds, const Vec3& velocity, double time
   const Bounds local = Deck::local_bounds(frame.pose, bounds.swept((velocity - carried) * duration).grown(turns));
   found.ground = deck.tiles.near(local, time, duration);
   const double moves = (norm(found.ground.velocity) + found.ground.spread) * duration;
+  found.velocity = carried + frame.pose.rotation * found.ground.velocity;
   found.moved = norm(carried) * duration + turns + moves;
   return found.ground.highest >= local.low.z - moves;
 }

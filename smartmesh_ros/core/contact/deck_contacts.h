@@ -8,12 +8,13 @@
 
 namespace smartmesh {
 
-// A deck that a body may touch in a step: its number, its ground near the body, in the deck's frame, and how far that
-// ground moves in the step [m].
+// A deck that a body may touch in a step: its number, its ground near the body, in the deck's frame, how far that
+// ground moves in the step [m], and its velocity in the world [m/s].
 struct NearbyDeck {
   int number;
   NearbyGround ground;
   double moved;
+  Vec3 velocity{};
 };
 
 // Returns true if a body inside some bounds, which move at a `velocity` [m/s], may touch a deck in a step that takes
