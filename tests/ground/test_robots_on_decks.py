@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, Deck, Sphere, Terrain
+from smartmesh_ros import BodyState, Box, Deck, Material, Sphere, Terrain
 from smartmesh_ros.ground.shapes import Cylinder, Shape
 from smartmesh_ros.terrain.grid import FloatArray
 from tests.bodies import about_z, rotation
@@ -32,6 +32,8 @@ BOX, BALL, CAN = Box(0.5, 0.4, 0.3), Sphere(0.2), Cylinder(radius=0.2, height=0.
 PLAIN: Surface = {}
 SKATES: Surface = {"anisotropicFriction": (1.0, 0.5, 0.5)}
 SOFT: Surface = {"contactStiffness": 3000.0, "contactDamping": 50.0}
+RESISTS: Surface = {"rollingFriction": 0.02, "spinningFriction": 0.05}
+YIELDING = Material(stiffness=2e5, damping=1e4)
 
 
 def thrown(
@@ -84,20 +86,23 @@ def test_what_begins_in_a_deck_comes_out_as_out_of_ground_at_rest(body: Shape | 
     np.testing.assert_allclose(moved, at_rest, rtol=0.0, atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("surface", "material"), [(RESISTS, Material()), (PLAIN, YIELDING), (PLAIN, Material(rolling=0.1))]
+)
 @pytest.mark.parametrize(("body", "height"), [(BOX, 0.15), (ROOT, 0.1)])
-def test_what_rests_on_a_turning_deck_stays_there_where_friction_resists_rolling_and_spinning(
-    body: Shape | str, height: float
+def test_what_rests_on_a_deck_that_turns_stays_there(
+    body: Shape | str, height: float, surface: Surface, material: Material
 ) -> None:
-    """A metre off the axis, for half a turn: bodies of such friction know how the ground turns, beside how it moves."""
+    """A metre off the axis, for half a turn, where friction resists rolling and spinning, or the ground gives."""
     terrain, spin = Terrain(), np.array([0.0, 0.0, 1.0])
-    deck = Deck(level(41, 0.2))
+    deck = Deck(level(41, 0.2, material=material))
     terrain.put("deck", deck)
     with world_of(terrain, friction=0.8, sleep=False) as world:
         add(world, "body", body, BodyState((1.0, 0.0, height), linear=(0.0, 1.0, 0.0), angular=tuple(spin)))
-        world.client.changeDynamics(world.bodies["body"].uid, -1, rollingFriction=0.02, spinningFriction=0.05)
+        world.client.changeDynamics(world.bodies["body"].uid, -1, **surface)
         while world.time < math.pi:
             deck.move(np.zeros(3), about_z(world.time), time=world.time, velocity=np.zeros(3), spin=spin)
             world.step()
         found, turn = world.state("body"), rotation(about_z(world.time))
-    np.testing.assert_allclose(turn.T @ found.position, (1.0, 0.0, height), rtol=0.0, atol=3e-3)
-    np.testing.assert_allclose(found.angular, spin, rtol=0.0, atol=1e-2)
+    np.testing.assert_allclose(turn.T @ found.position, (1.0, 0.0, height), rtol=0.0, atol=4e-3)
+    np.testing.assert_allclose(found.angular, spin, rtol=0.0, atol=5e-2)

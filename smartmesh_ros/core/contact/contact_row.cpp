@@ -141,10 +141,11 @@ void resist_rolling(const std::vector<Contact>& contacts, const Approach& approa
                     std::vector<ContactRow>& rows) {
   for (std::size_t k = 0; k < contacts.size(); ++k) {
     const Contact& contact = contacts[k];
-    const Vec3 arm = approach.centre - contact.point;
-    const double radius = dot(arm, contact.normal), most = contact.material.rolling * radius;
+    const double radius = dot(approach.centre - contact.point, contact.normal);
+    const double most = contact.material.rolling * radius;
     if (!(most > 0.0)) continue;
-    const Vec3 rolls = cross(approach.angular, arm) + pull, along = rolls - contact.normal * dot(rolls, contact.normal);
+    const Vec3 rolls = cross(approach.angular - contact.ground.angular, contact.normal * radius) + pull,
+               along = rolls - contact.normal * dot(rolls, contact.normal);
     const double speed = norm(along), falls = -dot(approach.gravity, contact.normal) * approach.duration;
     if (!(speed > 0.0)) continue;
     // What carries the weight of the body there stops it in the step.
