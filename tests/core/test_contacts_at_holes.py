@@ -8,6 +8,8 @@ from smartmesh_ros.core import _core
 from tests.core.contact_cases import random_rotation, wheel
 
 RESOLUTION, DEPTH, MARGIN = 0.05, 1e-4, 1e-3
+# Names of the edges of a body, and of the line along the side of a cylinder.
+EDGES, SIDE_LINE = 3 << 24, (5 << 24) + 1
 
 
 @pytest.mark.parametrize("kind", ["ball", "capsule", "box", "cylinder", "hull"])
@@ -37,3 +39,27 @@ def test_no_contact_is_deeper_than_the_way_up(kind: str) -> None:
         ground = HeightMap(heights, resolution=RESOLUTION)
         found = _core.find_contacts(shape, [ground.core_reader], pose, motion, 1.0 / 240.0, MARGIN)
         assert np.all(np.asarray(found)[:, 6] > -2.1 * DEPTH), seed
+
+
+@pytest.mark.parametrize("kind", ["capsule", "box", "cylinder"])
+def test_no_edge_overlaps_a_shape_by_more_than_its_width(kind: str) -> None:
+    """On the steep sides of a shaft, many edges lie beside the shape, and are none of its crests."""
+    for seed in range(1000):
+        rng = np.random.default_rng(seed)
+        heights = rng.normal(scale=0.1, size=(9, 9))
+        heights[4, 4] = np.nan
+        a, b, c = rng.uniform(0.02, 0.15, 3).tolist()
+        turn = random_rotation(rng)
+        shape, half, rounding = {
+            "capsule": (_core.Shape.capsule(a, b), np.array([0.0, 0.0, b]), a),
+            "box": (_core.Shape.box(a, b, c), np.array([a, b, c]), 0.0),
+            "cylinder": (_core.Shape.cylinder(a, b), np.array([a, 0.0, b]), 0.0),
+        }[kind]
+        pose = np.vstack([turn, [*rng.uniform(0.35, 0.45, 2), rng.uniform(-0.2, 0.1)]])
+        ground = HeightMap(heights, resolution=0.1)
+        found = np.asarray(_core.find_contacts(shape, [ground.core_reader], pose, np.zeros((2, 3)), 1 / 240.0, MARGIN))
+        edges = found[np.isin(found[:, 7].astype(np.int64), [EDGES + k for k in range(12)] + [SIDE_LINE])]
+        normals = edges[:, 3:6] @ turn
+        if kind == "cylinder":
+            normals = np.column_stack([np.hypot(normals[:, 0], normals[:, 1]), 0.0 * normals[:, 0], normals[:, 2]])
+        assert np.all(edges[:, 6] > -2.0 * (np.abs(normals) @ half + rounding) - DEPTH), seed

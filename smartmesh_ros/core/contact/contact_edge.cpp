@@ -56,8 +56,6 @@ bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, cons
                  const Crossing& crossing) {
   const double limit = MUCH_SHORTER * crossing.distance;
   const Vec3 &a = patch.points[edge.end[0]], &b = patch.points[edge.end[1]];
-  const double t = along_segment(crossing.at, a, b);
-  if (!is_near(shape, pose, a + (b - a) * t)) return false;  // an edge that overlaps the shape is inside it there
   Vec3 corners[4] = {pose.to_local(a), pose.to_local(b)}, normals[2];
   int count = 2;
   for (int k : edge.opposite) {
@@ -69,9 +67,9 @@ bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, cons
     if (lowest(shape, transposed(pose.rotation, normal)) + dot(normal, pose.at - a) > limit) return false;
     corners[count++] = pose.to_local(patch.points[k]);
   }
-  if (patch.is_mesh) {
-    if (!is_passed(shape, corners[0], corners[1])) return false;
-  } else {
+  if (!is_passed(shape, corners[0], corners[1])) return false;
+  if (!patch.is_mesh) {
+    const double t = along_segment(crossing.at, a, b);
     const Vec3 deepest = deepest_of(crossing, a, count == 4 ? normals[0] - normals[1] : Vec3{});
     // Beyond the end of the edge, the line may come below the ground where the shape is not.
     if (!(t > 0.0 && t < 1.0) && !is_near(shape, pose, deepest)) return false;

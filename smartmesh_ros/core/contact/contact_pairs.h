@@ -92,8 +92,8 @@ struct Crossing {
   double distance;
 };
 
-// Returns true if the line is inside the ground beside the edge (of a mesh: the edge is inside the shape), and the
-// shape can leave the edge's facets by no way that is much shorter: along one of their normals or out of one of its own
+// Returns true if the edge is inside the shape, on maps the line is inside the ground beside the edge, and the shape
+// can leave the edge's facets by no way that is much shorter: along one of their normals or out of one of its own
 // faces.
 bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, const Edge& edge, const Crossing& crossing);
 

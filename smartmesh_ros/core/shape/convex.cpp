@@ -137,9 +137,9 @@ double lowest(const Convex& shape, const Vec3& n) {
 bool is_passed(const Convex& shape, const Vec3& p, const Vec3& q) {
   LineInside part{p, q - p, 0.0, 1.0};
   for (const PolyFace& face : shape.core.faces) part.clip(face.normal, face.offset);
-  if (shape.kind == ShapeKind::Cylinder) {
+  if (shape.kind == ShapeKind::Cylinder || shape.kind == ShapeKind::Capsule) {
     part.clip({0.0, 0.0, 1.0}, shape.half.z), part.clip({0.0, 0.0, -1.0}, shape.half.z);
-    part.cut({}, shape.half.x, true);
+    part.cut({}, shape.half.x + shape.rounding, true);
   }
   return part.is_somewhere();
 }

@@ -43,8 +43,8 @@ struct Convex : Shape {
 // Returns the least dot(n, p) of all points of a shape; `n`: unit, in the shape's frame.
 double lowest(const Convex& shape, const Vec3& n);
 
-// Returns true if the segment from `p` to `q` (in the shape's frame) passes through the core, or through a cylinder. A
-// core without faces is passed by all.
+// Returns true if the segment from `p` to `q` (in the shape's frame) passes through the core, through a cylinder, or
+// through a capsule beside its axis. A ball is passed by all.
 bool is_passed(const Convex& shape, const Vec3& p, const Vec3& q);
 
 Convex ball(double radius);
