@@ -39,10 +39,10 @@ class AttachedBodies:
     ) -> None:
         self._client = connected_client(client)
         self._calls = BulletCalls(self._client)
-        self.terrain = Terrain.of(terrain)
+        self._terrain = Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
         self.followers = Followers()
-        self.soil: Soil | None = None
+        self._soil: Soil | None = None
         self._soil_revision = 0  # of the places of soils that bodies stand on
         self._shown: ShownGround | None = None
         self._printed = math.nan  # time at which prints of the soil were written into its map [s]
@@ -55,14 +55,24 @@ class AttachedBodies:
         lost."""
         if self.soil is not None:
             raise InputError("soil", "a ground with soil cannot be copied; take the soil off by set_soil(None) before")
-        return {"terrain": self.terrain}
+        return {"_terrain": self.terrain}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make a ground that answers questions about its terrain, and refuses what needs a client."""
         nobody: Any = NoClient()
         vars(self).update(state, _client=nobody, _calls=nobody, patches=nobody, contacts=nobody)
-        self.followers, self.stopwatch, self.soil, self._shown = Followers(), Stopwatch(), None, None
+        self.followers, self.stopwatch, self._soil, self._shown = Followers(), Stopwatch(), None, None
         self._printed = math.nan
+
+    @property
+    def terrain(self) -> Terrain:
+        """The ground itself: replace the heights of its maps, or put and remove tiles and decks."""
+        return self._terrain
+
+    @property
+    def soil(self) -> Soil | None:
+        """The soil that bodies stand on; see `set_soil`."""
+        return self._soil
 
     def attach(
         self,
@@ -219,7 +229,7 @@ class AttachedBodies:
             raise InputError("soil", "the map of the soil is no tile of this ground's terrain")
         self.wake()
         self.contacts.set_soil(None if soil is None else soil.core)
-        self.soil, self._soil_revision = soil, 0 if soil is None else soil.map.soil_revision
+        self._soil, self._soil_revision = soil, 0 if soil is None else soil.map.soil_revision
 
     def check_soil(self) -> None:
         """Take the soil away if its map is gone; wake what rests on it if other soils lie there."""

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError, as_float
@@ -71,10 +71,7 @@ class Soil:
             raise InputError("soil", f"the soil of this map has {count:.2g} samples; {most}")
         if self.map.motion.corrects:
             raise InputError("soil", "the map takes changes for corrections, so it cannot keep ruts; let it be exact")
-        places = self.map.soil if kinds is None else kinds
-        if places is None:
-            places = np.zeros(self.map.heights.shape, np.uint8)
-        places = checked_soil(places, self.map.heights.shape)
+        places = checked_soil(_kinds_of(self.map) if kinds is None else kinds, self.map.heights.shape)
         if places.max() >= len(self.soils):
             last = len(self.soils) - 1
             raise InputError("soil", f"kinds are up to {places.max()}; they must be places in the list, 0 to {last}")
@@ -114,7 +111,7 @@ class Soil:
     def take_kinds(self) -> None:
         """Take which soil each sample of the map is now. Soil of another kind keeps its sinkage, and is pressed anew.
         `Ground.update` does it."""
-        self.core.set_kinds(self.map.soil)
+        self.core.set_kinds(_kinds_of(self.map))
 
     @property
     def slip_sinkage(self) -> bool:
@@ -159,3 +156,8 @@ class Soil:
     def reset(self) -> None:
         """Take the ground as it is now in the map for soil that nobody has touched."""
         self.core.reset()
+
+
+def _kinds_of(heightmap: HeightMap) -> NDArray[np.uint8]:
+    """Return which soil each sample of a map is (rows, columns): the first one if the map does not say."""
+    return np.zeros(heightmap.heights.shape, np.uint8) if heightmap.soil is None else heightmap.soil

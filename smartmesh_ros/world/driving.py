@@ -53,7 +53,7 @@ class Driving:
     ground: Ground
     time: float
     say: Callable[[str], object]
-    terrain: Terrain
+    _terrain: Terrain
     _factory: BodyFactory
     _efforts: dict[tuple[str, str], float]  # [Nm or N] to apply before each step, by robot and joint
     _stiff: dict[str, Body]  # robots whose damping depends on their posture
@@ -65,6 +65,11 @@ class Driving:
         """Drive a robot's joint at ``velocity`` [rad/s or m/s] with at most ``force`` [Nm or N], None = the joint's
         limit; or one of its driven surfaces at ``velocity`` [m/s]."""
         self.command(name, joint, JointCommand(velocity=velocity, effort=force))
+
+    @property
+    def terrain(self) -> Terrain:
+        """The ground itself: replace the heights of its maps, or put and remove tiles and decks."""
+        return self._terrain
 
     def command(self, name: str, joint: str, command: JointCommand, lasts: float = math.inf) -> None:
         """Drive a robot's joint by a command from now on, or one of its driven surfaces by a velocity, which is limited

@@ -51,7 +51,7 @@ class World(SavedWorld):
         stopwatch: Stopwatch | None = None,
     ) -> None:
         self.config = _checked(config or WorldConfig())
-        self.terrain = Terrain() if terrain is None else Terrain.of(terrain)
+        self._terrain = Terrain() if terrain is None else Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
         self.watchers: list[StepWatcher] = []
         self._spare = []

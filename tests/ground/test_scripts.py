@@ -146,6 +146,17 @@ def test_a_wrong_call_is_told_what_would_be_right(client: int, call: Callable[[i
     assert words in str(caught.value)
 
 
+def test_ground_and_soil_cannot_be_exchanged_by_an_assignment_that_changes_nothing(client: int) -> None:
+    ground: Any = Ground(client, level())
+    with World(level()) as world:
+        owner: Any = world
+        for of, name, value in (
+            (ground, "terrain", level()), (ground, "soil", Soil(ground.terrain, "clay")), (owner, "terrain", level()),
+        ):  # fmt: skip
+            with pytest.raises(AttributeError):
+                setattr(of, name, value)
+
+
 class Environment:
     """As users of reinforcement learning have it."""
 

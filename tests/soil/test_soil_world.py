@@ -6,7 +6,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, Soil, Sphere, World
+from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, Material, Soil, Sphere, World
 from smartmesh_ros.ground.shapes import Shape
 
 FLAT = np.zeros((101, 101))
@@ -52,7 +52,7 @@ def test_a_sliding_box_is_held_by_the_shear_strength() -> None:
 
 def test_what_sleeps_on_hard_soil_sinks_when_soft_soil_lies_there() -> None:
     """By an assignment to the map, and by a map that scrolled: its soils stay with the ground. Kinds that are not there
-    count as the last."""
+    count as the last, and a map that says none has the first."""
     for scrolls, kind in ((False, 200), (True, 1)):
         with World(HeightMap(FLAT, resolution=0.04)) as world:
             world.spawn("box", Box(0.2, 0.2, 0.2), 20.0, BodyState((2.0, 2.0, 0.1)))
@@ -66,7 +66,8 @@ def test_what_sleeps_on_hard_soil_sinks_when_soft_soil_lies_there() -> None:
                 world.ground.set_soil(Soil(world.terrain, ["lunar", "clay"]))
                 world.step(240)
                 assert world.state("box").position[2] == pytest.approx(0.1, abs=1e-3)
-            world.terrain.tiles[""].soil = np.zeros((101, 101), np.uint8)  # type: ignore[union-attr]
+            kinds = Material(soil=np.zeros((101, 101), np.uint8))
+            world.terrain.tiles[""].material = kinds if scrolls else Material()  # type: ignore[union-attr]
             world.step(240)
             assert world.state("box").position[2] < 0.096
 
