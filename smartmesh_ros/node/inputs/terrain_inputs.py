@@ -247,7 +247,7 @@ def _source(target: Target) -> str:
 
 def _start_of(header: Any) -> Stamped:
     """Return the first fields of a message that has no tile."""
-    return Stamped(header.stamp.sec, header.stamp.nanosec, header.frame_id, "")
+    return Stamped(header.stamp.sec, header.stamp.nanosec, header.frame_id.strip("/"), "")
 
 
 def require_tile_fits(target: Target, samples: int, terrain: Terrain) -> None:
