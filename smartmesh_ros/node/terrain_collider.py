@@ -213,7 +213,6 @@ class Collider:
             self._decks.forget_stamps()
             self._peers.forget_stamps()
             session.tracking.restart(session.clock.pace())
-            session.stamp_ages.clear()
             self.pacer.restart()
 
     def _on_terrain(self) -> None:
