@@ -38,17 +38,17 @@ from smartmesh_ros.node.services.ground_services import GroundServices
 from smartmesh_ros.node.services.initial_bodies import InitialBodies, RobotDescription
 from smartmesh_ros.node.services.simulation_services import serve_simulation_interfaces
 from smartmesh_ros.node.services.state_services import StateServices
+from smartmesh_ros.node.services.turns import NextTurn, parts_of
 from smartmesh_ros.node.session import SERVICES, Session
+from smartmesh_ros.node.soil_ground import stand_on_soil
 from smartmesh_ros.node.timing.pacing import NodeClock
 from smartmesh_ros.node.transport import Clock, Transport
-from smartmesh_ros.soil.config import soils_from
-from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.startup.dds import send_without_waiting
-from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.world.world import World
 
 NAME = "terrain_collider"
 MOST_STEPS = 100_000
+# Steps that a call does before the node takes messages, calls and signals again.
+STEPS_A_TURN = 100
 
 
 class Collider:
@@ -129,14 +129,21 @@ class Collider:
         """Pauses or resumes the physics."""
         self.pacer.pause(paused)
 
-    def step(self, count: int) -> None:
-        """Runs ``count`` steps while the physics is paused; raises `InputError` if it is running."""
-        if not self.session.paused:
-            raise InputError("not_paused", "the physics is running; call ~/pause with data: true first")
-        if not 1 <= count <= MOST_STEPS:
-            raise InputError("steps", f"{count} steps; ask for 1 to {MOST_STEPS} at a time")
-        self.session.world.step(count)
-        self._outputs.publish(now=True)
+    async def step(self, count: int) -> None:
+        """Runs ``count`` steps of the paused physics in turns, and publishes the last state; raises `InputError` if the
+        physics is running, or another call ends the pause."""
+        session = self.session
+        for part in parts_of(max(count, 1), STEPS_A_TURN):
+            if part.start:
+                await NextTurn()
+            with session.lock:
+                if not session.paused:
+                    raise InputError("not_paused", "the physics is running; call ~/pause with data: true first")
+                if not 1 <= count <= MOST_STEPS:
+                    raise InputError("steps", f"{count} steps; ask for 1 to {MOST_STEPS} at a time")
+                session.world.step(min(count - part.start, STEPS_A_TURN))
+        with session.lock:
+            self._outputs.publish(now=True)
 
     def reset(self, *, time: bool = True, bodies: bool = True, spawned: bool = False) -> None:
         """Resets the simulation: simulated ``time`` to zero, ``bodies`` to their initial states.
@@ -206,7 +213,6 @@ class Collider:
             self._decks.forget_stamps()
             self._peers.forget_stamps()
             session.tracking.restart(session.clock.pace())
-            session.stamp_ages.clear()
             self.pacer.restart()
 
     def _on_terrain(self) -> None:
@@ -276,19 +282,6 @@ class TerrainCollider(ParameterNode, Collider):
         self.configure(parameters.current_settings(self), names)
         before, self.values = self.values, declaring.current_values(self, parameters.SPECS)
         parameters.announce_changes(self, before, self.values)
-
-
-def stand_on_soil(world: World, settings: Settings) -> None:
-    """Let bodies stand on the soil of the settings if the first tile is a height map, else on the map itself. The soil
-    of a tile keeps its prints."""
-    tile, known = world.terrain.tiles.get(""), world.ground.soil
-    if not settings.soil or not isinstance(tile, HeightMap):
-        if known is not None:
-            world.ground.set_soil(None)
-    elif isinstance(known, Soil) and known.map is tile and known.soils == soils_from(settings.soil):
-        known.slip_sinkage = settings.slip_sinkage
-    else:
-        world.ground.set_soil(Soil(world.terrain, settings.soil, slip_sinkage=settings.slip_sinkage))
 
 
 def main(args: list[str] | None = None) -> None:

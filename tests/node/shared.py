@@ -23,7 +23,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import Heightmap
-from smartmesh_msgs.srv import SpawnBody
+from smartmesh_msgs.srv import SpawnBody, StepPhysics
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.specifications import SPECS
@@ -203,6 +203,10 @@ class Fed:
         while not answers:
             self.node.turn()
         return answers[0]
+
+    def step(self, steps: int) -> None:
+        """Runs steps of the paused physics, by a call."""
+        assert self.call("step", StepPhysics.Request(steps=steps)).success
 
     def run(self, steps: int) -> None:
         """Runs steps of the physics, with what the node does at each."""

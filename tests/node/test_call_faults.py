@@ -86,7 +86,7 @@ def publish_all(node: Fed) -> None:
     outputs = node.node._outputs
     outputs._diagnostics._due = outputs._descriptions._due = outputs._robot_model._due = 0.0
     outputs._descriptions._sent = outputs._robot_model._sent = None
-    node.node.step(1)
+    node.step(1)
 
 
 def test_an_output_that_fails_stops_no_other(wire: Wire, node: Fed) -> None:

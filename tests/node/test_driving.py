@@ -118,10 +118,10 @@ def test_imus_measure_for_subscribers_alone_and_steps_of_a_pause_have_their_own_
         found.clear()
         node.node.pause(True)
         start = node.world.time
-        node.node.step(20)
+        node.step(20)
         times = [seconds(message.header.stamp) - start for message in found]
         np.testing.assert_allclose(times, np.arange(1, 11) / 120.0, atol=1e-6)
         assert found[-1].header.frame_id == "box"
         count = 0
-        node.node.step(1)
+        node.step(1)
         assert not node.world.watchers

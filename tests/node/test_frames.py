@@ -9,6 +9,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
+from smartmesh_msgs.msg import HeightmapUpdate, TrackedBody, TrackedBodyArray
+from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.errors import InputError
@@ -16,8 +18,10 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.node.inputs.frames import HISTORY, MAX_HOLD, FrameBuffer
 from smartmesh_ros.node.inputs.transform_input import transforms_from
+from smartmesh_ros.tools.testing import floats, heightmap_message
 from tests.bodies import rotation
 from tests.examples import examples
+from tests.node.shared import fed
 
 NUMBERS = st.floats(-10.0, 10.0)
 FAR = st.floats(-1e6, 1e6)  # as in UTM coordinates
@@ -167,3 +171,19 @@ def test_transforms_are_read_from_bytes_as_they_were_written(items: list[tuple[i
         ((item.header.stamp.sec, 0), item.header.frame_id, item.child_frame_id, transform)
         for item, (*_, transform) in zip(message.transforms, items, strict=True)
     ]
+
+
+@pytest.mark.parametrize("chosen", ["", "/map", "map"])
+def test_a_leading_slash_of_the_terrains_frame_means_nothing(chosen: str) -> None:
+    """Else its outputs were in a frame that tf2 refuses."""
+    level = np.zeros((10, 10))
+    with fed({"frame_id": chosen, "decks": ["{deck: ferry, frame: /ferry}"]}) as node:
+        for frame in ("/map", "map", "/ferry", "ferry"):
+            node.give("heightmap", heightmap_message(level, frame_id=frame))
+        for frame in ("/map", "map"):
+            header, heights = Header(frame_id=frame), floats(level[:1, :1])
+            node.give("heightmap_update", HeightmapUpdate(header=header, width=1, height=1, heights=heights))
+            node.give("tracked_bodies", TrackedBodyArray(header=header, bodies=[TrackedBody(id="a")]))
+        assert node.node.session.frame_id == "map"
+        assert set(node.node.refusals.counts) == {"decks: frame"}, "of ferry there is no transform"
+        assert [*node.world.terrain.tiles] == [""]

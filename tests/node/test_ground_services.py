@@ -95,7 +95,7 @@ def test_waves_are_answered_for_the_instant_of_the_stamp(now: list[float], stamp
         assert height() == stands
         ray = CastRays.Request(origins=[0.3, -0.2, 50.0], directions=[0.0, 0.0, -1.0], range=100.0)
         assert node.call("cast_rays", ray).distances[0] == pytest.approx(50.0 - stands, abs=1e-6)
-        node.node.step(2)
+        node.step(2)
         assert height() > stands
 
 

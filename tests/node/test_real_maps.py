@@ -16,12 +16,13 @@ from std_srvs.srv import Trigger
 
 from smartmesh_ros import BodyState, Box, HeightMap
 from smartmesh_ros.node.inputs.map_checks import MapChecks
-from smartmesh_ros.node.inputs.rivals import Rivals
+from smartmesh_ros.node.inputs.rivals import RivalMaps, Rivals
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy, stamp_of
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.motion import Changes, MotionConfig, MotionMode
 from smartmesh_ros.tools.testing import Probe, heightmap_message
+from tests.memory import allocated
 from tests.node.shared import Logged, fed
 
 DEFAULTS = {spec.name: spec.default for spec in SPECS}
@@ -117,6 +118,22 @@ def test_a_doubt_goes_with_its_tile_and_there_is_none_of_given_velocities_and_co
     assert ("tile 'east'" in checks.warning and ADVICE in checks.warning) == bool(lines) == doubted
     checks.forget("east")
     assert checks.warning == ""
+
+
+def test_tiles_that_come_and_go_leave_nothing_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A ground that scrolls below a robot has ever new names of tiles; here as of two publishers."""
+    monkeypatch.setattr(RivalMaps, "_several", lambda _: True)
+    with fed({"terrain.motion": "hold"}) as node:
+
+        def scroll(tiles: range) -> int:
+            for number in tiles:
+                for heights in (LEVEL, np.zeros((0, 0))):
+                    node.give("heightmap", heightmap_message(heights, tile=f"tile {number}", stamp=node.now()), steps=1)
+            assert not node.world.terrain.tiles and not node.node.refusals.counts
+            return allocated()
+
+        usual = scroll(range(100))
+        assert scroll(range(100, 500)) - usual < 400 * 1024, "a thousand bytes of each"
 
 
 def before(stamp: Time, seconds: int, tenths: int = 0) -> Time:

@@ -74,6 +74,29 @@ def test_pause_step_and_reset(shared: Probe) -> None:
     shared.wait_for(lambda: (p := position()) and p[2] < 0.3)
 
 
+def test_many_steps_are_done_in_turns_between_which_the_node_takes_calls_and_signals() -> None:
+    with fed({}) as node:
+        turns, answers = node.node.session.turns, list[StepPhysics.Response]()
+        node.node.pause(True)
+        [served] = [found for found in node.node.services if found.srv_name.endswith("/step")]
+
+        def ask(steps: int) -> float:
+            """Asks for steps and gives the node two turns; the simulated time."""
+            work = served.callback(StepPhysics.Request(steps=steps), StepPhysics.Response())
+            turns.add(work, answers.append)
+            assert node.node.turn() and node.node.turn()
+            return node.world.time
+
+        assert 0.0 < ask(100_000) < 100_000 / 240.0
+        node.node.pause(False)
+        node.node.turn()
+        assert "the physics is running" in answers[0].message
+        node.node.pause(True)
+        before = node.world.time
+        node.step(1050)
+        assert node.world.time - before == pytest.approx(1050 / 240.0)
+
+
 @pytest.mark.parametrize(
     ("topic", "parameter", "rate"),
     [("body_states", "body_states", 20), ("/tf", "tf", 20), ("/clock", "clock", 20), ("timing", "patches", 1)],

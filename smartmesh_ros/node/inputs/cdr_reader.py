@@ -25,7 +25,8 @@ MOST_SAMPLES = 16_384**2
 
 
 class Stamped(NamedTuple):
-    """The first fields of every terrain message: stamp (seconds and nanoseconds), frame and tile."""
+    """The first fields of every terrain message: stamp (seconds and nanoseconds), frame without a leading slash, which
+    means nothing, as to tf2, and tile."""
 
     sec: int
     nanosec: int
@@ -79,7 +80,7 @@ class CdrReader:
 
     def stamped(self) -> Stamped:
         """Read header and tile."""
-        return Stamped(self.number("i"), self.number("I"), self.text(), self.text())
+        return Stamped(self.number("i"), self.number("I"), self.text().strip("/"), self.text())
 
     def skip(self, size: int, count: int = 1) -> memoryview:
         """Skip ``count`` numbers of ``size`` bytes each, and return their bytes."""

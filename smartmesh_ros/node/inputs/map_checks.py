@@ -36,9 +36,10 @@ class MapChecks:
 
     def forget(self, tile: str | None = None) -> None:
         """Restarts the check of a tile, or of all tiles."""
-        for name in {*self._checks, *self._empty} if tile is None else [tile]:
+        for name in {*self._checks, *self._empty, *self._times} if tile is None else [tile]:
             self._checks.pop(name, None)
             self._empty.pop(name, None)
+            self._times.pop(name, None)
         self._update_warning()
 
     def note_holes(self, tile: str, heightmap: HeightMap, changed: Heights | None = None) -> None:

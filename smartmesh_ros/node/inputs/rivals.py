@@ -71,14 +71,26 @@ class RivalMaps:
         self._tiles.clear()
         self.warning = ""
 
+    def forget(self, tile: str) -> None:
+        """Forgets the maps of a tile, which is gone."""
+        if self._tiles.pop(tile, None) is not None and not self._found:
+            self.warning = ""
+
+    def _several(self) -> bool:
+        return any(topic.get_publisher_count() > 1 for topic in self._session.terrain_subscriptions)
+
+    @property
+    def _found(self) -> bool:
+        return any(of_tile.found for of_tile in self._tiles.values())
+
     def take(self, tile: str, geometry: GridGeometry, heights: Heights) -> None:
         """Records a new map of a tile, while a topic has a second publisher."""
         session = self._session
-        if all(topic.get_publisher_count() <= 1 for topic in session.terrain_subscriptions):
+        if not self._several():
             self.clear()
             return
         self._tiles.setdefault(tile, Rivals()).take(geometry, heights)
-        if not any(of_tile.found for of_tile in self._tiles.values()):
+        if not self._found:
             self.warning = ""
         elif not self.warning:
             topics = [topic.topic_name for topic in session.terrain_subscriptions]

@@ -23,10 +23,9 @@ class SourceClocks:
 
     def forget(self, source: str | None = None) -> None:
         """Accept any next stamp of a source, None = of all."""
-        if source is None:
-            self._clocks.clear()
-        else:
-            self._clocks.pop(source, None)
+        for name in [*self._clocks] if source is None else [source]:
+            self._clocks.pop(name, None)
+            self._session.stamp_ages.pop(name, None)
 
     @contextmanager
     def placing(

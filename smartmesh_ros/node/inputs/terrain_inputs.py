@@ -98,7 +98,6 @@ class TerrainInputs:
             raster = convert()
             if raster is None:
                 target.tiles.remove(target.tile)
-                self._checks.forget(target.name)
                 return
             self._rivals.take(target.name, raster.geometry, raster.heights)
             take_map(self._terrain, session.settings, target, raster, placed.time)
@@ -204,6 +203,10 @@ class TerrainInputs:
                 yield placed
             if target.tile in tiles:
                 tiles[target.tile].delay = self._clocks.of(_source(target)).delay
+            else:  # the message removed it; names of others may come without end
+                self._clocks.forget(_source(target))
+                self._checks.forget(target.name)
+                self._rivals.forget(target.name)
             if not target.frame:
                 session.frame_id = session.frame_id or start.frame_id or DEFAULT_FRAME
             session.last_map_time = session.clock.steady()
@@ -247,7 +250,7 @@ def _source(target: Target) -> str:
 
 def _start_of(header: Any) -> Stamped:
     """Return the first fields of a message that has no tile."""
-    return Stamped(header.stamp.sec, header.stamp.nanosec, header.frame_id, "")
+    return Stamped(header.stamp.sec, header.stamp.nanosec, header.frame_id.strip("/"), "")
 
 
 def require_tile_fits(target: Target, samples: int, terrain: Terrain) -> None:

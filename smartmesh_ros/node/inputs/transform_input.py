@@ -83,7 +83,7 @@ class TransformInput:
     def to_terrain(self, frame_id: str, stamp: float | None) -> Transform | None:
         """Return the transform from ``frame_id`` to the terrain's frame, None if equal. Raises `InputError`."""
         require_name(frame_id)
-        terrain = self._session.frame_id
+        terrain, frame_id = self._session.frame_id, frame_id.strip("/")
         if not terrain or not frame_id or frame_id == terrain:
             return None
         try:

@@ -172,7 +172,7 @@ class DeckEntry:
     @property
     def frame(self) -> str:
         """The ``frame_id`` of maps in the deck's frame, beside the empty one."""
-        return self.name if self.source == "frame" else self.deck
+        return self.name.strip("/") if self.source == "frame" else self.deck
 
 
 def deck_entries(parameter: str, texts: Sequence[str]) -> tuple[DeckEntry, ...]:

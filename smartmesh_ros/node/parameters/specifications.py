@@ -164,6 +164,7 @@ NAMES = frozenset(spec.name for spec in SPECS)
 def settings_from(values: Mapping[str, Any]) -> Settings:
     """Return the settings for the values of all parameters; raises `InputError` for the first invalid value."""
     v = declaring.checked(values, SPECS)
+    v["frame_id"] = v["frame_id"].strip("/")
     if v["terrain.changes"] == "auto":  # maps of sensors and mappers are corrections
         v["terrain.changes"] = "motion" if v["terrain.input"] == "heightmap" else "correction"
     v |= body_sources({name: v[name] for name in ("bodies.poses", "bodies.odometry", "bodies.frames")})

@@ -7,6 +7,7 @@ served, or refused with the standard's code.
 from __future__ import annotations
 
 import signal
+from collections.abc import Awaitable
 from typing import Any
 
 from rclpy.node import Node
@@ -126,10 +127,12 @@ class SimulationServices:
             if self._standard.stopped:
                 self._start_over()
 
-    def _step(self, count: int) -> None:
+    def _step(self, count: int) -> Awaitable[None]:
+        """Return the work of ``count`` steps in turns."""
         if self._state() != self._states.STATE_PAUSED:
             raise InputError("not_paused", "only a paused simulation can be stepped; set STATE_PAUSED first")
-        self._node.step(count)
+        work: Awaitable[None] = self._node.step(count)
+        return work
 
     def _reset(self, request: Any, _: Any) -> None:
         scope = request.scope or request.SCOPE_ALL

@@ -3,7 +3,7 @@ which can be cancelled."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse
@@ -19,7 +19,7 @@ class StepAction:
     """Serves the action of this ``kind`` by calls of ``step``; ``results``: the message class Result. The steps are
     done in turns, between which the node takes messages and calls."""
 
-    def __init__(self, session: Session, step: Callable[[int], None], kind: Any, results: Any) -> None:
+    def __init__(self, session: Session, step: Callable[[int], Awaitable[None]], kind: Any, results: Any) -> None:
         self._session, self._step, self._kind, self._results = session, step, kind, results
         self._ends: dict[bytes, tuple[str, str]] = {}  # how goals ended, until their clients are told
         node: Any = session.node
@@ -39,8 +39,7 @@ class StepAction:
             if not count:
                 raise InputError("steps", "0 steps; ask for 1 or more")
             while done < count and not goal.is_cancel_requested:
-                with session.lock:
-                    self._step(1)
+                await self._step(1)
                 done += 1
                 goal.publish_feedback(self._kind.Feedback(completed_steps=done, remaining_steps=count - done))
                 await NextTurn()

@@ -29,7 +29,7 @@ from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import bags, heightmap_message, pose_message
-from tests.node.shared import made_with
+from tests.node.shared import Fed, made_with
 from tests.tools.replay.recordings import BEGIN, RECORDINGS, Message, X, digest_of, in_order
 
 ROOT = Path(__file__).parents[3]
@@ -78,7 +78,7 @@ def test_the_node_does_the_same(domain: int, replay: Make, name: str) -> None:
                     takes[topic](serialize_message(message))
             while node.turn():
                 pass
-            node.step(1)
+            Fed(node).step(1)
             run.run((step + 1) / 240.0)
         theirs, ours = node.session.world, run.world
         assert theirs.time == ours.time and theirs.bodies.keys() == ours.bodies.keys()
