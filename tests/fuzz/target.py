@@ -50,7 +50,7 @@ class Target:
     """The node, its inputs by name, and counts of what became of the messages."""
 
     def __init__(self, terrain_input: str = "heightmap", record: Path | None = None, changes: str = "motion") -> None:
-        terrain_collider.MOST_STEPS = MOST_STEPS
+        self._most_steps, terrain_collider.MOST_STEPS = terrain_collider.MOST_STEPS, MOST_STEPS
         self._context = Context()
         rclpy.init(context=self._context, domain_id=DOMAIN)
         values = {**BASE, "terrain.input": terrain_input, "terrain.changes": changes}
@@ -74,6 +74,7 @@ class Target:
     def __exit__(self, *_: object) -> None:
         self.node.destroy_node()
         rclpy.shutdown(context=self._context)
+        terrain_collider.MOST_STEPS = self._most_steps
 
     def result(self) -> dict[str, Any]:
         """What became of the messages, refusals by reason, and what was compared."""
