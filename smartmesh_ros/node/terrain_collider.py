@@ -141,7 +141,7 @@ class Collider:
                     raise InputError("not_paused", "the physics is running; call ~/pause with data: true first")
                 if not 1 <= count <= MOST_STEPS:
                     raise InputError("steps", f"{count} steps; ask for 1 to {MOST_STEPS} at a time")
-                session.world.step(min(count - part.start, STEPS_A_TURN))
+                session.world.step(part.stop - part.start)
         with session.lock:
             self._outputs.publish(now=True)
 

@@ -145,10 +145,11 @@ class Deck(Tiles):
     def shift_time(self, by: float) -> None:
         """Add ``by`` [s] to the times of all maps and of the frame."""
         super().shift_time(by)
-        self.shift_frame(checked_time(by))
+        self.shift_frame(by)
 
     def shift_frame(self, by: float) -> None:
-        """Add ``by`` [s] to the times of the frame alone."""
+        """Add ``by`` [s] to the times of the frame alone. Raises `InputError`."""
+        by = checked_time(by)
         self._last += by
         self.core.shift_time(by)
 

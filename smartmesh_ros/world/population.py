@@ -67,7 +67,7 @@ class Population(Driving):
         some part of the body is over no ground is refused.
         """
         self._require_free(name)
-        start = self._start_of(name, shape, state, on_ground=on_ground, clearance=clearance, align=align)
+        start = self._start_of(name, shape, state or BodyState(), on_ground=on_ground, clearance=clearance, align=align)
         self._add(self._factory.simulated(name, shape, mass, start))
 
     def spawn_robot(
@@ -87,7 +87,7 @@ class Population(Driving):
         """
         self._require_free(name)
         robot = prepare_robot(urdf)
-        start = self._start_of(name, robot, state, on_ground=on_ground, clearance=clearance, align=align)
+        start = self._start_of(name, robot, state or BodyState(), on_ground=on_ground, clearance=clearance, align=align)
         self._add(self._factory.robot(name, robot, start))
 
     def stance_of(
@@ -215,12 +215,12 @@ class Population(Driving):
         finally:
             self._spare.append(client)
 
-    def _start_of(self, name: str, what: Shape | PreparedRobot, state: BodyState | None, **standing: Any) -> BodyState:
-        """Return the state in which a new body starts; ``standing``: options of `spawn`. Raises `InputError`."""
-        state = state or BodyState()
-        if standing["on_ground"]:
-            stance = finished(self.stance_of(name, what, state, align=standing["align"]))
-            state = stance.on(self.ground_at, standing["clearance"])
+    def _start_of(
+        self, name: str, new: Shape | PreparedRobot, state: BodyState, *, on_ground: bool, clearance: float, align: bool
+    ) -> BodyState:
+        """Return the state in which a new body starts, by the options of `spawn`. Raises `InputError`."""
+        if on_ground:
+            state = finished(self.stance_of(name, new, state, align=align)).on(self.ground_at, clearance)
         require_possible(name, state)
         return state
 

@@ -28,6 +28,7 @@ Region place_of(const HeightGrid& map, const Pair& first, const Floats2& samples
   return {row, column, row + high, column + wide};
 }
 
+// Returns true if any sample is infinite; NaN is none.
 bool has_infinity(Floats2 samples) {
   check_alignment(samples.data(), sizeof(float));
   const float* values = samples.data();
