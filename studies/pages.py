@@ -49,17 +49,16 @@ def blocks_of(page: Path) -> list[Block]:
     return found
 
 
-def fill(page: Path, blocks: Mapping[str, str], measured: Mapping[str, str] | None = None) -> None:
-    """Replaces blocks of a page by their names and notes the code that they were ``measured`` with, by block; of other
-    blocks the code of today. Raises `InputError` and writes nothing if the page lacks one of them."""
+def fill(page: Path, blocks: Mapping[str, str]) -> None:
+    """Replaces blocks of a page by their names, and notes the code of today. Raises `InputError` and writes nothing if
+    the page lacks one of them."""
     text = page.read_text()
     for name, content in blocks.items():
         found = next((match for match in _MARK.finditer(text) if match["name"] == name), None)
         end = text.find(_END, found.end()) if found else -1
         if found is None or end < 0:
             raise InputError("document", f"{page} has no block <!-- generated: {name} of SUBJECT, code DIGEST -->")
-        code = (measured or {}).get(name) or digest_of(found["subject"])
-        mark = f"<!-- generated: {name} of {found['subject']}, code {code} -->"
+        mark = f"<!-- generated: {name} of {found['subject']}, code {digest_of(found['subject'])} -->"
         text = f"{text[: found.start()]}{mark}\n{content}\n{text[end:]}"
     page.write_text(text)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import asdict
 from time import monotonic
 from typing import Any
 
@@ -133,22 +132,9 @@ class Driver(Watcher):
         self.windows.clear()
         self.latencies.clear()
         self.run(self._case.seconds)
-        latencies = [1e3 * latency for latency in self.latencies]
-        windows = [
-            {
-                "seconds": timing.window_s, "real_time_factor": timing.real_time_factor,
-                "misses": timing.deadline_misses,
-                "stages": {s.stage: [s.count, s.p50_us, s.p99_us, s.max_us] for s in timing.stages},
-            }
-            for timing in self.windows
-        ]  # fmt: skip
+        found = {"windows": list(self.windows), "latencies": list(self.latencies)}
         self._quiet()
-        return {
-            "sent": self.sent - sent,
-            "taken": self.taken() - before,
-            "latencies_ms": latencies,
-            "windows": windows,
-        }
+        return {**found, "sent": self.sent - sent, "taken": self.taken() - before}
 
     def taken(self) -> int:
         """Maps and regions that the node has taken."""
@@ -204,4 +190,4 @@ def run_case(case: Case) -> dict[str, Any]:
             cpus = (usage.cpu() - used) / (monotonic() - start)
         except Exception as error:
             raise RuntimeError(f"{case.name} failed: {node.output[-2000:]}") from error
-        return {"case": asdict(case), **found, "cpus": {"node": cpus}, "memory_mib": {"node": usage.memory()}}
+        return {"case": case, **found, "cpus": cpus, "memory": usage.memory()}

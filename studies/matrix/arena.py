@@ -223,16 +223,13 @@ own_row = partial(Row, skip=tuple(name for name in METHODS if name != "defaults"
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """A cell: ``figure`` [``unit``], None = not run; infinite = lost or not reached."""
+    """A cell: ``figure`` in the row's unit, None = not run; infinite = lost or not reached."""
 
-    row: str
+    row: Row
     method: str
     figure: float | None
-    limit: float
-    unit: str
-    source: str
 
     @property
     def passed(self) -> bool | None:
         """Return True if the figure is within the limit; None if there is no figure."""
-        return None if self.figure is None else bool(self.figure <= self.limit)
+        return None if self.figure is None else bool(self.figure <= self.row.limit)

@@ -17,9 +17,9 @@ from studies.records.cells import cells_table
 from studies.records.entrants import ENTRANTS, OURS
 from studies.records.tax import engine_table, world_table
 from studies.records.touchdown import touchdown_table
-from studies.running import describe, measured_on, save_results, say
+from studies.running import measured_on, say
 
-PAGE, RESULTS, PICTURE = (ROOT / "docs" / name for name in ("records.md", "records.json", "images/records.png"))
+PAGE, PICTURE = ROOT / "docs" / "records.md", ROOT / "docs" / "images" / "records.png"
 # How often each cost is measured, in turns: in `World`, and in the engines.
 WORLD_ROUNDS, ENGINE_ROUNDS = 25, 9
 
@@ -42,9 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         tables[name], results[name] = run()
         print(f"\n{tables[name]}")
     if not quick:
-        machine = measured_on(describe())
-        save_results(RESULTS, {"machine": describe(), **results})
-        fill(PAGE, {name: f"{text}\n\n{machine}." for name, text in tables.items()})
+        fill(PAGE, {name: f"{text}\n\n{measured_on()}." for name, text in tables.items()})
         draw(PICTURE, results["tax of engines"], results["touchdown"], results["cells"])
 
 

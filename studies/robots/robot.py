@@ -136,11 +136,6 @@ class RobotEngine(Simulation):
         """Set the positions [rad] that all robots' servos hold, by joint."""
 
 
-def xyzw(wxyz: FloatArray) -> FloatArray:
-    """Return quaternions (..., 4) whose scalar comes first with the scalar last."""
-    return np.asarray(wxyz)[..., [1, 2, 3, 0]]
-
-
 # Mass of links whose description gives none [kg], balls of 0.1 m. Loaders differ: PyBullet takes 1 kg, others nothing.
 MASSLESS = 0.01
 _INERTIAL = (

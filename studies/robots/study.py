@@ -14,7 +14,7 @@ from studies.matrix.arena import Arena, square
 from studies.pages import table
 from studies.robots.contest import RobotContest
 from studies.robots.robot import DATA, HEAVING, STILL, RoughHills, scenes
-from studies.running import save_results, say
+from studies.running import say
 from studies.tables import Charts
 
 # Descriptions that come with PyBullet.
@@ -84,18 +84,16 @@ CHARTS = Charts(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the scenes and the strangers; write JSON, pictures and tables."""
+    """Run the scenes and the strangers; write pictures and tables."""
     every = scenes()
     options = CHARTS.parser(__doc__, [scene.name for scene in every]).parse_args(arguments)
-    out, machine = CHARTS.begin(options)
-    todo = CHARTS.chosen(options, every)
+    out, todo = CHARTS.folder(options), CHARTS.chosen(options, every)
     chosen = robot_configurations(quick=options.quick)
     by_title = {scene.title: scene for scene in todo}
-    _, blocks = CHARTS.run(out, by_title, lambda scene: run(RobotContest(scene), chosen), machine)
+    _, blocks = CHARTS.run(out, by_title, lambda scene: run(RobotContest(scene), chosen))
     names = ("mini_cheetah",) if options.quick else tuple(STRANGERS)
     strangers = [] if options.scenes else run_strangers(names)
-    save_results(CHARTS.data(out), {"strangers": [one._asdict() for one in strangers]})
-    CHARTS.write(out, {"machine": machine, **blocks, "strangers": strangers_table(strangers)})
+    CHARTS.write(out, {**blocks, "strangers": strangers_table(strangers)})
     return 0
 
 

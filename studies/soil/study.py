@@ -12,8 +12,7 @@ from smartmesh_ros import BodyState, Box, HeightMap, Soil, World
 from smartmesh_ros.soil.config import soil_named, soils_of
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from studies.pages import ROOT, fill, table
-from studies.soil.arcs import free_slip, undamped, wheel_forces
-from studies.soil.trials import K10, SMOOTH, plate_sinkage
+from studies.soil.trials import K10, SMOOTH, free_slip, plate_sinkage, undamped, wheel_forces
 from studies.soil.vehicles import WARTHOG, Cart, drive, roll, set_down
 
 # Boxes: mass [kg], side [m], and the fall onto the soil [m].

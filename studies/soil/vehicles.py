@@ -27,8 +27,7 @@ from smartmesh_ros import (
 )
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
-from studies.soil.arcs import WheelForces
-from studies.soil.trials import Wheel
+from studies.soil.trials import Wheel, WheelForces
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 # Height of the axles below the middle of a cart's chassis [m].

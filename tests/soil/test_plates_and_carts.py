@@ -8,8 +8,7 @@ import pytest
 from smartmesh_ros import BodyState, Box, HeightMap, InputError, Sphere, World
 from smartmesh_ros.soil.config import SoilType, soil_named
 from smartmesh_ros.soil.soil import Soil
-from studies.soil.arcs import free_slip, undamped, wheel_forces
-from studies.soil.trials import Wheel, plate_sinkage, standing_sinkage
+from studies.soil.trials import Wheel, free_slip, plate_sinkage, standing_sinkage, undamped, wheel_forces
 from studies.soil.vehicles import BELOW, WARTHOG, Cart, drive, roll, set_down
 from tests.grounds import step_on_moving, world_of
 
