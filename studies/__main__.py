@@ -14,7 +14,19 @@ STUDIES = {
     "robots": "robots.study", "rover": "soil.rut_pictures:drive_rover", "soil": "soil.study",
     "tracks": "soil.rut_pictures:drive_tracks", "soak": "load.soak", "tuning": "tuning",
 }  # fmt: skip
-PLAIN = ("contacts", "friction", "laws", "lidar", "replay", "rising", "rover", "tracks")  # have no options
+# Those without options.
+PLAIN = (
+    "contacts",
+    "fleet",
+    "friction",
+    "laws",
+    "lidar",
+    "records",
+    "replay",
+    "rising",
+    "rover",
+    "tracks",
+)
 
 
 def main() -> None:

@@ -39,12 +39,6 @@ class Case:
     resting: int = 0
 
     @property
-    def name(self) -> str:
-        """Short and distinct."""
-        bodies = f"{self.bodies}-{self.resting}" if self.resting else str(self.bodies)
-        return f"{self.side}-{bodies}-{self.mode}-{self.map_rate:g}-{self.physics_rate:g}"
-
-    @property
     def row(self) -> int:
         """Bodies on one side of the square that those on the moving part are spawned in."""
         return math.ceil(math.sqrt(self.bodies - self.resting))
@@ -80,16 +74,13 @@ class Case:
         }
 
 
-def groups(*, quick: bool) -> dict[str, list[Case]]:
+def groups() -> dict[str, list[Case]]:
     """Return all cases by the table that they are in: the grid bodies x maps x rates, in which each axis is varied with
     the others at their middle values, and the corners of the targets are added; how memory grows with the map; and nine
     of ten bodies at rest."""
     middle = Case(side=1024, bodies=100, mode="regions", map_rate=60.0, physics_rate=240.0)
     many = replace(middle, bodies=1000, physics_rate=60.0)
     rest = replace(middle, bodies=1000, resting=900, markers=False)
-    if quick:
-        grid = [middle, replace(middle, mode="full", map_rate=30.0), many]
-        return {"grid": [replace(case, seconds=4.0) for case in grid], "memory": [], "rest": [rest]}
     grid = [
         replace(middle, bodies=bodies, physics_rate=rate) for rate in (240.0, 60.0) for bodies in (1, 10, 100, 1000)
     ]
@@ -104,4 +95,4 @@ def groups(*, quick: bool) -> dict[str, list[Case]]:
     memory.append(replace(few, side=8192, mode="full", map_rate=0.3, seconds=10.0))
     memory += [replace(few, side=side, map_rate=30.0) for side in (256, 4096, 8192, 16384)]
     more = replace(rest, bodies=5000, resting=4500, physics_rate=60.0, seconds=10.0)
-    return {"grid": list({case.name: case for case in grid}.values()), "memory": memory, "rest": [rest, more]}
+    return {"grid": list(dict.fromkeys(grid)), "memory": memory, "rest": [rest, more]}

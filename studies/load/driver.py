@@ -189,5 +189,5 @@ def run_case(case: Case) -> dict[str, Any]:
             found = driver.measure()
             cpus = (usage.cpu() - used) / (monotonic() - start)
         except Exception as error:
-            raise RuntimeError(f"{case.name} failed: {node.output[-2000:]}") from error
+            raise RuntimeError(f"{case} failed: {node.output[-2000:]}") from error
         return {"case": case, **found, "cpus": cpus, "memory": usage.memory()}

@@ -24,16 +24,15 @@ SIDES = (256, 1024, 4096, 8192, 16384)
 REGION, COUNT, WARM_UP = 64, 1000, 20
 
 
-def regions(*, quick: bool) -> str:
+def regions() -> str:
     """Return the table of times [us] of regions on each map, ``still``: under a body that stays, ``anywhere``: at
     places all over the map, most of them for the first time."""
-    sides, count = (SIDES[:2], 200) if quick else (SIDES, COUNT)
-    maps = {side: HeightMap(np.zeros((side, side), np.float32), resolution=0.1) for side in sides}
+    maps = {side: HeightMap(np.zeros((side, side), np.float32), resolution=0.1) for side in SIDES}
     rng = np.random.default_rng(0)
     rows = []
     for way in ("still", "anywhere"):
-        times: dict[int, list[float]] = {side: [] for side in sides}
-        for turn in range(WARM_UP + count):
+        times: dict[int, list[float]] = {side: [] for side in SIDES}
+        for turn in range(WARM_UP + COUNT):
             heights = rng.normal(size=(REGION, REGION)).astype(np.float32)
             for side, heightmap in maps.items():
                 row, column = (side // 3, side // 3) if way == "still" else rng.integers(0, side - REGION, 2).tolist()
@@ -42,9 +41,9 @@ def regions(*, quick: bool) -> str:
                 heightmap.update_region(row, column, heights, time=time)
                 if turn >= WARM_UP:
                     times[side].append(1e6 * (perf_counter() - start))
-        for side in sides:
+        for side in SIDES:
             low, median, high, highest = (f"{time:.1f}" for time in np.percentile(times[side], (10, 50, 90, 99)))
-            rows.append([f"{side}^2", str(count), way, median, f"{low} to {high}", highest])
+            rows.append([f"{side}^2", str(COUNT), way, median, f"{low} to {high}", highest])
             print(f"regions {way} on {side}^2: {median} us", flush=True)
     return table(["map", "regions", "place", "median [us]", "10 to 90 % [us]", "99 % [us]"], rows)
 
@@ -52,30 +51,26 @@ def regions(*, quick: bool) -> str:
 def main(args: list[str] | None = None) -> None:
     """Runs the study; fills the blocks of what ran."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="a few cases in less than two minutes; writes no page")
-    parser.add_argument("--only", choices=[*groups(quick=True), "regions"], help="run one group again, keep the others")
-    options = parser.parse_args(args)
-    out = Path("out/load") if options.quick else PICTURES
-    out.mkdir(parents=True, exist_ok=True)
+    parser.add_argument("--only", choices=[*groups(), "regions"], help="run one group again, keep the others")
+    only = parser.parse_args(args).only
     blocks = {"machine": f"Machine: {short()}."}
     use_large_message_profile()
     with isolated_unless_chosen():
-        for group, members in groups(quick=options.quick).items():
-            if options.only not in (None, group):
+        for group, members in groups().items():
+            if only not in (None, group):
                 continue
             summaries = []
             for case in members:
                 summaries.append(s := summary_of(run_case(case)))
                 words = f"{100 * s.missed:.2f} % missed, real time {s.real_time_factor:.2f}, lost {s.lost}"
-                print(f"{case.name}: {words}", flush=True)
+                print(f"{case}: {words}", flush=True)
             blocks[group] = (memory if group == "memory" else runs)(summaries)
             if group == "grid":
-                draw(summaries, short(), out)
-    if options.only in (None, "regions"):
-        blocks["regions"] = regions(quick=options.quick)
-    if not options.quick:
-        fill(PAGE, blocks)
-        print(f"wrote {PAGE}")
+                draw(summaries, short(), PICTURES)
+    if only in (None, "regions"):
+        blocks["regions"] = regions()
+    fill(PAGE, blocks)
+    print(f"wrote {PAGE}")
 
 
 UPDATE = ("search", "collect")

@@ -137,14 +137,9 @@ def _normal_errors(arena: Arena, surface: Surface, positions: FloatArray) -> lis
     contacts = bullet_contacts(arena.world.client, parts, arena.world.dt)
     pressed = contacts.normal_forces > 0.0
     true = nearest(surface, positions[contacts.bodies[pressed]], 0.4).normal
-    errors = angles_between(contacts.normals_w[pressed], true)
-    return [float(error) for error in errors[np.isfinite(true).all(axis=1)]]
-
-
-def angles_between(normals: FloatArray, true_normals: FloatArray) -> FloatArray:
-    """Return the angles (N,) [deg] between unit vectors (N, 3); accurate for small angles."""
-    sine = np.linalg.norm(np.cross(normals, true_normals), axis=1)
-    return np.asarray(np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", normals, true_normals))), np.float64)
+    chords = np.linalg.norm(contacts.normals_w[pressed] - true, axis=1)
+    errors = np.degrees(2.0 * np.arcsin(0.5 * chords[np.isfinite(chords)]))
+    return [float(error) for error in errors]
 
 
 def wide_box(method: Method) -> float:

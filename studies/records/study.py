@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -24,26 +23,22 @@ PAGE, PICTURE = ROOT / "docs" / "records.md", ROOT / "docs" / "images" / "record
 WORLD_ROUNDS, ENGINE_ROUNDS = 25, 9
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Measure, print the tables, write the page and draw the picture."""
-    parser = argparse.ArgumentParser(prog="python -m studies records", description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="two turns in place of all, and no page")
-    quick = parser.parse_args(arguments).quick
     tables: dict[str, str] = {}
     results: dict[str, Any] = {}
     records: dict[str, Callable[[], tuple[str, Any]]] = {
         "touchdown": touchdown_table,
         "cells": cells_table,
-        "tax of engines": lambda: engine_table(2 if quick else ENGINE_ROUNDS),
-        "tax": lambda: world_table(2 if quick else WORLD_ROUNDS),
+        "tax of engines": lambda: engine_table(ENGINE_ROUNDS),
+        "tax": lambda: world_table(WORLD_ROUNDS),
     }
     for name, run in records.items():
         say(name)
         tables[name], results[name] = run()
         print(f"\n{tables[name]}")
-    if not quick:
-        fill(PAGE, {name: f"{text}\n\n{measured_on()}." for name, text in tables.items()})
-        draw(PICTURE, results["tax of engines"], results["touchdown"], results["cells"])
+    fill(PAGE, {name: f"{text}\n\n{measured_on()}." for name, text in tables.items()})
+    draw(PICTURE, results["tax of engines"], results["touchdown"], results["cells"])
 
 
 TAXED = ("1 ball", "1 box", "100 balls", "100 boxes")

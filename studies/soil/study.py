@@ -47,12 +47,12 @@ def boxes() -> str:
 def forced_slip() -> str:
     """Return the table of the measured wheel at forced slips."""
     soil, rows = undamped(soil_named("k10_sand")), []
-    for run in SMOOTH:
-        wheel = replace(K10, load=run.load)
-        one, other = roll(wheel, soil, run.slip), wheel_forces(soil, wheel, run.slip)
-        sinkages = (f"{1e3 * sinkage:.1f}" for sinkage in (run.sinkage, one.sinkage, other.sinkage))
-        pulls = (f"{pull / run.load:+.2f}" for pull in (run.pull, one.pull, other.pull))
-        rows.append([f"{run.slip:g}", *sinkages, *pulls])
+    for slip, pull, load, sinkage in SMOOTH:
+        wheel = replace(K10, load=load)
+        one, other = roll(wheel, soil, slip), wheel_forces(soil, wheel, slip)
+        sinkages = (f"{1e3 * found:.1f}" for found in (sinkage, one.sinkage, other.sinkage))
+        pulls = (f"{found / load:+.2f}" for found in (pull, one.pull, other.pull))
+        rows.append([f"{slip:g}", *sinkages, *pulls])
     head = ["slip", "sinkage [mm]: measured", "soil", "integrals", "pull / load: measured", "soil", "integrals"]
     return table(head, rows)
 
