@@ -22,7 +22,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.measures import BoolArray, held_up, penetration
 from studies.configurations import Configuration, Family
 from studies.engines.engine import Links
-from studies.running import say
+from studies.pages import say
 
 # Step rate of references [Hz], and instant of the comparison with them [s]. A later comparison is meaningless, because
 # repeated contacts make the motion chaotic.

@@ -69,8 +69,7 @@ def speed(bodies: list[str], messages: list[Message], topics: tuple[str, ...] | 
 def main() -> None:
     """Measure, and write the table."""
     silence_pybullet()
-    from studies.pages import fill, number, table
-    from studies.running import short
+    from studies.pages import fill, number, short, table
 
     rows = []
     for case, (bodies, make) in CASES.items():

@@ -14,7 +14,7 @@ from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import Ground, HeightMap
 from smartmesh_ros.terrain.grid import FloatArray
-from studies.running import say
+from studies.pages import say
 from studies.tiny_renderer import Camera, Stage
 
 STEPS, MAPS = 240, 60  # rates of physics and of the maps [Hz]

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 
 from studies.chart import draw_all, draw_scene
 from studies.contest import Result, beyond_all, cheapest_as_accurate, deviation_of, distance_of, measures_of, only_by
-from studies.pages import blocks_of, fill, table
-from studies.running import measured_on
+from studies.pages import blocks_of, fill, measured_on, table
 
 OURS = ("ours", "ours, less")
 

@@ -12,8 +12,7 @@ from studies.bench import report, searching, smart_mesh
 from studies.bench.measure import LONGEST_FRAME, Bench
 from studies.bench.searching import MAP_SIDES
 from studies.bench.smart_mesh import BATCH, SIDE
-from studies.pages import ROOT, fill, number, table, times
-from studies.running import measured_on, say
+from studies.pages import ROOT, fill, measured_on, number, say, table, times
 
 # Above one: today is faster.
 RATIO = "report / today"

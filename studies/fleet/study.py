@@ -25,8 +25,7 @@ from smartmesh_msgs.msg import Timing
 from smartmesh_ros.node.fleet.command import FleetWatcher
 from smartmesh_ros.node.fleet.layout import WAVES, FleetPlan, node_names
 from studies.load.processes import Usage
-from studies.pages import fill, table
-from studies.running import short
+from studies.pages import fill, short, table
 
 # Real time, as far as it counts; bodies start so far apart [m], in squares of so many on a side, one to a quarter of
 # the terrain, whose bodies share a node.

@@ -29,8 +29,7 @@ from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_
 from smartmesh_ros.tools.testing.process import Process
 from studies.load.processes import COLLIDER, Usage, Watcher
 from studies.load.study import PAGE, PICTURES
-from studies.pages import fill, table
-from studies.running import say
+from studies.pages import fill, say, table
 
 # How often things happen [s].
 SOURCE_EVERY, SPAWN_EVERY, SETTING_EVERY, BAD_EVERY, SAMPLE_EVERY = 20.0, 2.0, 15.0, 0.5, 1.0

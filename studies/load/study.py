@@ -14,10 +14,8 @@ from matplotlib.figure import Figure
 
 from smartmesh_ros import HeightMap
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
-from studies.load.cases import Case, groups
-from studies.load.driver import run_case
-from studies.pages import fill, table
-from studies.running import short
+from studies.load.driver import Case, groups, run_case
+from studies.pages import fill, short, table
 
 SIDES = (256, 1024, 4096, 8192, 16384)
 # Samples on one side of a region, and how many are taken.

@@ -18,9 +18,8 @@ from studies.configurations import BARE
 from studies.matrix import moving_ground, real_maps, rules, sleeping, still_ground, touching
 from studies.matrix.arena import METHODS, Outcome, Row
 from studies.matrix.real_maps import STEP, Site
-from studies.pages import table
+from studies.pages import say, table
 from studies.report.config import ReportConfig
-from studies.running import say
 
 _PARTS = (still_ground, moving_ground, rules, touching, real_maps, sleeping)
 ROWS: tuple[Row, ...] = tuple(row for part in _PARTS for row in part.ROWS)

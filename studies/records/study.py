@@ -11,12 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
 from studies.chart import PLAIN
-from studies.pages import ROOT, fill
+from studies.pages import ROOT, fill, measured_on, say
 from studies.records.cells import cells_table
 from studies.records.entrants import ENTRANTS, OURS
 from studies.records.tax import engine_table, world_table
 from studies.records.touchdown import touchdown_table
-from studies.running import measured_on, say
 
 PAGE, PICTURE = ROOT / "docs" / "records.md", ROOT / "docs" / "images" / "records.png"
 # How often each cost is measured, in turns: in `World`, and in the engines.

@@ -43,12 +43,6 @@ class Crowd:
     kind: str
     count: int
 
-    @property
-    def name(self) -> str:
-        """As in the table."""
-        plural = {"box": "boxes", "husky": "huskies"}.get(self.kind, self.kind + "s")
-        return f"{self.count} {self.kind if self.count == 1 else plural}"
-
     def places(self) -> list[tuple[float, float]]:
         """Return where its members stand, in a square around the origin [m]."""
         side, spacing = int(np.ceil(np.sqrt(self.count))), SPACING[self.kind]
@@ -57,9 +51,10 @@ class Crowd:
         return [(spacing * x + 0.03, spacing * y + 0.03) for x, y in at]
 
 
-CROWDS = (
-    Crowd("ball", 1), Crowd("box", 1), Crowd("husky", 1), Crowd("ball", 100), Crowd("box", 100), Crowd("husky", 8),
-)  # fmt: skip
+CROWDS = {
+    "1 ball": Crowd("ball", 1), "1 box": Crowd("box", 1), "1 husky": Crowd("husky", 1),
+    "100 balls": Crowd("ball", 100), "100 boxes": Crowd("box", 100), "8 huskies": Crowd("husky", 8),
+}  # fmt: skip
 
 
 def waves_at(time: float) -> Any:
@@ -131,7 +126,7 @@ def world_table(rounds: int) -> tuple[str, dict[str, dict[str, list[float]]]]:
     """Return the table, with the plane's time and the others' ratio to it, median, 10th and 90th percentile; and the
     times of all rounds by crowd and column."""
     logging.getLogger("smartmesh_ros").setLevel(logging.ERROR)  # what the husky's description lacks is known
-    results = {crowd.name: world_times(crowd, rounds) for crowd in CROWDS}
+    results = {name: world_times(crowd, rounds) for name, crowd in CROWDS.items()}
     rows = []
     for name, found in results.items():
         rows.append([name, number(float(np.median(found["plane"])))])
@@ -181,12 +176,12 @@ def engine_table(rounds: int) -> tuple[str, dict[str, dict[str, dict[str, list[f
     """Return the table, with medians, and by crowd, engine and case the ratios of costs, field over plane, of each
     round, and under "plane" the plane's cost at rest [us]; all in turns."""
     found: dict[str, dict[str, dict[str, list[float]]]] = {}
-    for crowd in CROWDS:
+    for who, crowd in CROWDS.items():
         if crowd.kind == "husky":
             continue
-        found[crowd.name] = {name: {case: [] for case in ("plane", *CASES)} for name in entrants()}
+        found[who] = {name: {case: [] for case in ("plane", *CASES)} for name in entrants()}
         for _ in range(rounds):
-            for name, columns in found[crowd.name].items():
+            for name, columns in found[who].items():
                 planes = {case: engine_time(name, crowd, case, plane=True) for case in ("still", "driving")}
                 columns["plane"].append(planes["still"])
                 for case in CASES:

@@ -11,10 +11,9 @@ from smartmesh_ros import BodyState, JointCommand, PhysicsConfig
 from studies.configurations import robot_configurations
 from studies.contest import run
 from studies.matrix.arena import Arena, square
-from studies.pages import table
+from studies.pages import say, table
 from studies.robots.contest import RobotContest
 from studies.robots.robot import DATA, HEAVING, STILL, RoughHills, scenes
-from studies.running import say
 from studies.tables import Charts
 
 # Descriptions that come with PyBullet.

@@ -12,8 +12,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from smartmesh_ros import BodyState, Soil, World
 from smartmesh_ros.scenes import eight, tracks
-from studies.pages import ROOT
-from studies.running import say
+from studies.pages import ROOT, say
 from studies.tiny_renderer import Camera, Stage
 
 IMAGES = ROOT / "docs" / "images"

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from std_msgs.msg import Header
 
 from smartmesh_ros.node.parameters.specifications import NAMES
-from studies.load.cases import CODES, RESOLUTION, RISE, WAVE, Case, groups
-from studies.load.driver import TerrainMessages, run_case
+from studies.load.driver import CODES, RESOLUTION, RISE, WAVE, Case, TerrainMessages, groups, run_case
 from studies.load.soak import is_flat, slope_of
 from studies.load.study import runs, summary_of
 
