@@ -1,7 +1,5 @@
 """``python -m studies NAME [options]``: the studies of this project, by name."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from importlib import import_module
@@ -15,18 +13,7 @@ STUDIES = {
     "tracks": "soil.rut_pictures:drive_tracks", "soak": "load.soak", "tuning": "tuning",
 }  # fmt: skip
 # Those without options.
-PLAIN = (
-    "contacts",
-    "fleet",
-    "friction",
-    "laws",
-    "lidar",
-    "records",
-    "replay",
-    "rising",
-    "rover",
-    "tracks",
-)
+PLAIN = ["bench", "contacts", "fleet", "friction", "laws", "lidar", "records", "replay", "rising", "rover", "tracks"]
 
 
 def main() -> None:

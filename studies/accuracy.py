@@ -1,7 +1,5 @@
 """The study of speed against accuracy, and of stability: ``make studies`` runs it whole."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace

@@ -6,8 +6,6 @@ rooms the figures depend on. The digest covers the code of these rooms without c
 words do not make figures stale.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import hashlib

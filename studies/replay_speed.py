@@ -1,7 +1,5 @@
 """``make replay-speed``: how much faster than real time a replay runs; the table of docs/replay.md."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext

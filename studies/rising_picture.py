@@ -1,8 +1,6 @@
 """``make renders``: the README's moving picture. The same bodies on a height field that is replaced at each map, and on
 ``smartmesh_ros``; how deep the deepest body is below the true ground is measured and written on it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any

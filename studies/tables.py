@@ -1,7 +1,5 @@
 """Tables of what contests found, and the charts of a study: its scenes are run, drawn, and written as tables."""
 
-from __future__ import annotations
-
 import argparse
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -22,12 +20,11 @@ def scene_table(results: Mapping[str, Result]) -> str:
     has_update = any(not math.isnan(result.update) for result in results.values())
     rows = []
     for name, r in results.items():
-        note = r.note.partition("\n")[0]  # of loaders of robots
         shown = f"**{name}**{f' (by {front[name]})' if front[name] else ''}" if name in front else name
         if math.isnan(r.cost):
-            rows.append([f"{name}: {note}", *["-"] * (8 + has_update)])
+            rows.append([f"{name}: {r.note}", *["-"] * (8 + has_update)])
             continue
-        shown += f" ({note})" if note else ""
+        shown += f" ({r.note})" if r.note else ""
         update = [f"{r.update / 1e3:.2f}"] if has_update else []
         rows.append(
             [

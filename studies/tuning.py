@@ -1,7 +1,5 @@
 """``make tuning``: tunes three scenes and a bag of the demo, and writes the table of docs/tuning.md."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from pathlib import Path

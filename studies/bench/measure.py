@@ -1,7 +1,5 @@
 """Measures frames of cases: their medians (the report's Chapter 4)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field

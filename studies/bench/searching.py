@@ -1,7 +1,5 @@
 """Nearest-vertex searches (Table 4) and collecting the vertices of a local collider (Table 5), for one body."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from functools import partial
 from itertools import count, cycle

@@ -1,8 +1,6 @@
 """Colliders of the whole main mesh (Simple-Mesh, Table 1), and local colliders of one body or of a crowd (Tables 2, 3
 and 6): everything an update does, search and collecting too."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace

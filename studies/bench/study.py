@@ -1,8 +1,5 @@
 """``make bench``: measures the report's tables again, and further ones, and fills docs/benchmarks.md."""
 
-from __future__ import annotations
-
-import argparse
 import math
 import os
 from collections.abc import Mapping
@@ -38,21 +35,16 @@ def measure(bench: Bench) -> None:
     smart_mesh.measure_general(bench)
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Measure, print the tables, and write those of a whole run into the page."""
-    parser = argparse.ArgumentParser(prog="bench", description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="few frames, less than a minute: whether it runs at all")
-    quick = parser.parse_args(arguments).quick
-    bench = Bench(most=8, least=2, seconds=0.1, quick=True) if quick else Bench()
-    measure(bench)
+def main() -> None:
+    """Measure, print the tables, and write them into the page."""
+    measure(bench := Bench())
     frames = bench.frames.values()
     text = (
         f"{measured_on()}, under a load of {os.getloadavg()[1]:.1f} (this bench alone: about 1). Medians of "
         f"{max(frames)} frames; of as few as {min(frames)} where a frame takes long.\n\n{all_tables(bench)}"
     )
     print(f"\n{text}")
-    if not quick:
-        fill(PAGE, {"tables": text})
+    fill(PAGE, {"tables": text})
 
 
 SEARCHES = {

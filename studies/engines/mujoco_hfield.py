@@ -1,7 +1,5 @@
 """MuJoCo with one height field of the whole map, whose data are written in place: bodies, and robots by its loader."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any, ClassVar

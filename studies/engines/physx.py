@@ -1,8 +1,6 @@
 """PhysX, through SAPIEN, with a triangle mesh of the whole map that is cooked anew for every map: bodies, and robots by
 SAPIEN's loader."""
 
-from __future__ import annotations
-
 import math
 import tempfile
 import warnings

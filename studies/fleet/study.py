@@ -5,7 +5,6 @@ Nodes run in network namespaces joined by a bridge: UDP between them, no shared 
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
@@ -58,33 +57,28 @@ def capacity(nodes: int, *, meet: bool) -> dict[str, Any]:
         while count < MOST and (not runs or runs[-1]["real_time"] >= REAL_TIME - 0.05):
             watcher.spawn_balls(balls(added, count), 0.2)
             count, added = count + added, MORE
-            spin(watcher, 2.0)
+            rclpy.spin_until_future_complete(watcher, Future(), timeout_sec=2.0)
             runs.append({"bodies": count, **measure(watcher, timings, machines)})
             figures = ", ".join(f"{name} {figure:.3g}" for name, figure in runs[-1].items())
             print(f"{nodes} nodes{'' if meet else ' by themselves'}: {figures}", flush=True)
     return {"nodes": nodes, "meet": meet, "runs": runs, "carried": carried(runs)}
 
 
-def spin(watcher: FleetWatcher, seconds: float) -> None:
-    """Handles messages for so long."""
-    rclpy.spin_until_future_complete(watcher, Future(), timeout_sec=seconds)
-
-
 def measure(watcher: FleetWatcher, timings: Timings, machines: list[Machine]) -> dict[str, float]:
-    """Run a fleet; return the slowest node's real-time factor, the maximum processor time of a node for a simulated
-    second [s], which hardly depends on other load, and the bytes a second that a node sent."""
+    """Run a fleet; return the slowest node's real-time factor, and the maximum processor time of a node for a simulated
+    second [s], which hardly depends on other load."""
     for heard in timings.values():
         heard.clear()
-    before, start = [(machine.usage.cpu(), machine.sent()) for machine in machines], monotonic()
-    spin(watcher, SECONDS)
+    before, start = np.array([machine.usage.cpu() for machine in machines]), monotonic()
+    rclpy.spin_until_future_complete(watcher, Future(), timeout_sec=SECONDS)
     span, factors = monotonic() - start, []
-    spent = np.array([(machine.usage.cpu(), machine.sent()) for machine in machines]) - before
+    spent = np.array([machine.usage.cpu() for machine in machines]) - before
     for heard in timings.values():
         window = sum(timing.window_s for timing in heard)
         simulated = sum(timing.real_time_factor * timing.window_s for timing in heard)
         factors.append(simulated / window if window else 0.0)
-    busy, sent = spent[:, 0] / np.maximum(factors, 1e-9) / span, spent[:, 1].mean() / span
-    return {"real_time": min(factors), "busy": float(busy.max()), "sent": float(sent)}
+    busy = spent / np.maximum(factors, 1e-9) / span
+    return {"real_time": min(factors), "busy": float(busy.max())}
 
 
 def carried(runs: list[dict[str, float]]) -> float:
@@ -173,12 +167,6 @@ class Machine:
             inside = ["ip", "netns", "exec", self._name, *ALONE, *command]
             self._process = subprocess.Popen(inside, stdout=file, stderr=subprocess.STDOUT)
         self.usage = Usage(self._process.pid)
-
-    def sent(self) -> int:
-        """Bytes that the command has sent so far."""
-        command = ["ip", "-json", "-statistics", "link", "show", "dev", self._cable]
-        [link] = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
-        return int(link["stats64"]["rx"]["bytes"])  # of the end at the bridge, which receives what is sent
 
     def close(self) -> None:
         """Ends it."""

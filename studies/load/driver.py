@@ -1,8 +1,6 @@
 """The cases of the load study, and what runs them: sends terrain to a node in a process of its own, and observes its
 outputs."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ Maps are resized, bodies spawned and removed, settings changed, sources killed a
 mixed in. Sampled once a second: memory, file descriptors, real-time factor, and the latency of a service call.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections import Counter, defaultdict
 from collections.abc import Callable

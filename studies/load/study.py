@@ -1,7 +1,5 @@
 """``make load``: the node under load, as real processes over DDS."""
 
-from __future__ import annotations
-
 import argparse
 import math
 from pathlib import Path
@@ -71,7 +69,6 @@ def main(args: list[str] | None = None) -> None:
     print(f"wrote {PAGE}")
 
 
-UPDATE = ("search", "collect")
 # The page of the load study and the soak, and the folder of its pictures and what they show.
 PAGE, PICTURES = Path("docs/performance.md"), Path("docs/images/load")
 
@@ -133,7 +130,7 @@ def runs(summaries: list[Summary]) -> str:
     rows = [
         [
             str(s.case.bodies), f"{s.case.side}^2", f"{s.case.mode} at {s.case.map_rate:g} Hz",
-            f"{s.case.physics_rate:g}", _ms(s.stages["total"][:2]), _ms([sum(s.a_step[name] for name in UPDATE)]),
+            f"{s.case.physics_rate:g}", _ms(s.stages["total"][:2]), _ms([s.a_step["search"] + s.a_step["collect"]]),
             *(_ms(s.stages[name][:1]) for name in ("step", "publish", "ingest")), f"{s.real_time_factor:.2f}",
             _ms(s.stages["lateness"]), f"{100 * s.missed:.2f} %",
             _ms(np.percentile(s.latencies, (50, 99, 100)).tolist()) if s.latencies else "-", f"{s.lost} of {s.sent}",

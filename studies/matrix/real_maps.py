@@ -1,8 +1,6 @@
 """Rows on maps as sensors and mappers make them: corrections and noise under bodies at rest; noise and uneven stamps on
 moving ground."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Runs the matrix, and writes it as a table and as a picture."""
 
-from __future__ import annotations
-
 import math
 import multiprocessing
 from collections.abc import Sequence

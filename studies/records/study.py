@@ -1,8 +1,6 @@
 """``make records``: terrain tax, touchdown and size of cells, beside other engines; fills docs/records.md."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,26 +16,18 @@ from studies.records.tax import engine_table, world_table
 from studies.records.touchdown import touchdown_table
 
 PAGE, PICTURE = ROOT / "docs" / "records.md", ROOT / "docs" / "images" / "records.png"
-# How often each cost is measured, in turns: in `World`, and in the engines.
-WORLD_ROUNDS, ENGINE_ROUNDS = 25, 9
 
 
 def main() -> None:
     """Measure, print the tables, write the page and draw the picture."""
-    tables: dict[str, str] = {}
-    results: dict[str, Any] = {}
-    records: dict[str, Callable[[], tuple[str, Any]]] = {
-        "touchdown": touchdown_table,
-        "cells": cells_table,
-        "tax of engines": lambda: engine_table(ENGINE_ROUNDS),
-        "tax": lambda: world_table(WORLD_ROUNDS),
-    }
-    for name, run in records.items():
+    results: dict[str, tuple[str, Any]] = {}
+    names = ("touchdown", "cells", "tax of engines", "tax")
+    for name, run in zip(names, (touchdown_table, cells_table, engine_table, world_table), strict=True):
         say(name)
-        tables[name], results[name] = run()
-        print(f"\n{tables[name]}")
-    fill(PAGE, {name: f"{text}\n\n{measured_on()}." for name, text in tables.items()})
-    draw(PICTURE, results["tax of engines"], results["touchdown"], results["cells"])
+        results[name] = run()
+        print(f"\n{results[name][0]}")
+    fill(PAGE, {name: f"{text}\n\n{measured_on()}." for name, (text, _) in results.items()})
+    draw(PICTURE, *(results[name][1] for name in ("tax of engines", "touchdown", "cells")))
 
 
 TAXED = ("1 ball", "1 box", "100 balls", "100 boxes")

@@ -3,8 +3,6 @@
 The ground is a prism below each triangle of the main mesh; a link is the shapes that its engine collides with.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import NamedTemporaryFile
@@ -15,7 +13,7 @@ import numpy as np
 import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import GridGeometry, InputError, PhysicsConfig
+from smartmesh_ros import GridGeometry, PhysicsConfig
 from smartmesh_ros.ground.quaternions import rotated
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.robots.meshes import obj_parts
@@ -175,10 +173,7 @@ class RobotContest(Contest):
 
     def enter(self, configuration: Configuration) -> RobotEngine:
         setup = self._setup(configuration.rate)
-        try:
-            engine: RobotEngine = configuration.build(setup)
-        except (ValueError, RuntimeError) as error:
-            raise InputError("robot", f"does not load: {error}") from error
+        engine: RobotEngine = configuration.build(setup)
         if isinstance(engine, WorldRobots):
             body = next(iter(engine.world.bodies.values()))
             read = read_links(engine.world.client, body.uid, list(body.links))

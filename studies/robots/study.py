@@ -1,7 +1,5 @@
 """``make robots``: robots on rough and moving ground, cost against accuracy, beside other engines."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import product

@@ -1,8 +1,6 @@
 """``make rover``: a wheeled robot drives an eight on an elevation model of soil. ``make tracks``: an excavator's
 undercarriage drives, turns on the spot and climbs 20 degrees on soil. Pictures of ruts, coloured by depth."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``make soil``: soil against closed forms and a measured wheel, and its cost; fills docs/soil_tables.md."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import replace
 from time import thread_time

@@ -5,8 +5,6 @@ The soil of the integrals is elastic, so that it also carries a wheel behind its
 roll in the rut of a first.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -42,19 +40,6 @@ def least(holds: Callable[[float], bool], low: float, high: float, times: int = 
         middle = 0.5 * (low + high)
         low, high = (low, middle) if holds(middle) else (middle, high)
     return high
-
-
-def standing_sinkage(soil: SoilType, wheel: Wheel) -> float:
-    """Return the sinkage [m] of a wheel that does not roll: the pressures under its rim, which are those of plates at
-    the same depth, carry its load."""
-
-    def bears(sinkage: float) -> bool:
-        x = np.linspace(0.0, math.sqrt(2.0 * wheel.radius * sinkage - sinkage**2), 4001)
-        depth = np.maximum(np.sqrt(wheel.radius**2 - x**2) - wheel.radius + sinkage, 0.0)
-        pressure = modulus_of(soil, wheel.width) * depth**soil.Bekker_n
-        return 2.0 * wheel.width * float(np.trapezoid(pressure, x)) >= wheel.load
-
-    return least(bears, 0.0, wheel.radius)
 
 
 # Runs of the smooth wheel of robomechanics/3d-terramechanics: slip, pull, load [N] and sinkage [m].

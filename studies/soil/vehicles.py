@@ -1,7 +1,5 @@
 """Boxes and carts on `Soil` in PyBullet, and a wheel whose slip is forced, as in a single-wheel test bed."""
 
-from __future__ import annotations
-
 import math
 import tempfile
 from dataclasses import dataclass
