@@ -1,7 +1,5 @@
 """The bench runs from end to end, and what it writes says what it measured."""
 
-from __future__ import annotations
-
 import math
 
 from studies.bench.measure import Bench

@@ -1,7 +1,5 @@
 """The load study: what it sends is what it says, a case runs from end to end, and a slope is that of a line."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

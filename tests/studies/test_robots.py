@@ -1,7 +1,5 @@
 """The study of robots: its measure of penetration, its robots, and that every engine holds them up."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path
