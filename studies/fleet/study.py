@@ -3,8 +3,6 @@
 Nodes run in network namespaces joined by a bridge: UDP between them, no shared memory.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -64,7 +62,7 @@ def capacity(nodes: int, *, meet: bool) -> dict[str, Any]:
     return {"nodes": nodes, "meet": meet, "runs": runs, "carried": carried(runs)}
 
 
-def measure(watcher: FleetWatcher, timings: Timings, machines: list[Machine]) -> dict[str, float]:
+def measure(watcher: FleetWatcher, timings: Timings, machines: list["Machine"]) -> dict[str, float]:
     """Run a fleet; return the slowest node's real-time factor, and the maximum processor time of a node for a simulated
     second [s], which hardly depends on other load."""
     for heard in timings.values():
