@@ -1,7 +1,5 @@
 """Tracked bodies as stacks publish them; their shapes; their velocities, estimated from poses; time-outs by arrival."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

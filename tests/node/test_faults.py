@@ -1,7 +1,5 @@
 """Peers, clocks, disks and wires that fail."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

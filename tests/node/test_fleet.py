@@ -2,8 +2,6 @@
 
 What bodies of two nodes do to each other: tests/world/test_guests.py; from recorded states: tests/tools/replay."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any

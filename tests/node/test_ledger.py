@@ -1,8 +1,6 @@
 """Bodies of a fleet are on one node each, none is lost with a node, and every call to a node ends, with a reason for
 each body that was not spawned or removed."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from types import SimpleNamespace

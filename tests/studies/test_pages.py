@@ -1,4 +1,4 @@
-"""Blocks of pages, which say which code they were measured with, and results files."""
+"""Blocks of pages, which say which code they were measured with."""
 
 from pathlib import Path
 
@@ -6,7 +6,6 @@ import pytest
 
 from smartmesh_ros.errors import InputError
 from studies.pages import SUBJECTS, blocks_of, digest, digest_of, fill, main, stale_blocks
-from studies.running import read_results, save_results
 
 ROOT = Path(__file__).parents[2]
 PAGE = "words\n<!-- generated: one of core, code old -->\nold\n<!-- end -->\nmore\n"
@@ -50,34 +49,7 @@ def test_code_counts_and_words_do_not() -> None:
     assert digest({"f.cpp": compiled}) != digest({"f.cpp": compiled.replace("2 *", "3 *")})
 
 
-def test_a_block_written_again_keeps_the_code_it_was_measured_with(page: Path) -> None:
-    page.write_text(PAGE + PAGE.replace("one of", "two of"))
-    fill(page, {"one": "old figures", "two": "new figures"}, {"one": "0123456789ab"})
-    assert {block.name: block.digest for block in blocks_of(page)} == {"one": "0123456789ab", "two": digest_of("core")}
-
-
 def test_the_subjects_differ_and_every_mark_of_a_page_is_read() -> None:
     assert len({digest_of(subject) for subject in SUBJECTS}) == len(SUBJECTS)
     for page in (ROOT / "docs").glob("*.md"):
         assert page.read_text().count("<!-- generated") == len(blocks_of(page)), page.name
-
-
-DATA = {
-    "quick": False,
-    "scenes": {"flat": {"defaults": {"cost": 1.23456789, "spread": [1.0, 2.0], "note": ""}, "other": {"cost": 2.0}}},
-    "stability": [{"row": "a", "figure": None}, {"row": "b", "figure": 0.1}],
-}
-
-
-def test_what_is_written_is_read_and_other_entries_stay(tmp_path: Path) -> None:
-    path = tmp_path / "found.json"
-    assert read_results(path) == {}
-    save_results(path, DATA)
-    save_results(path, {"quick": True})
-    found = read_results(path)
-    assert found["scenes"]["flat"]["defaults"] == {"cost": 1.2346, "spread": [1.0, 2.0], "note": ""}
-    assert found["stability"] == DATA["stability"]
-    assert found["quick"] is True
-    lines = [line.strip().rstrip(",") for line in path.read_text().splitlines()]
-    assert [line for line in lines if "cost" in line and "{" in line]
-    assert len([line for line in lines if line.startswith('{"row"')]) == 2
