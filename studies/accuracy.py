@@ -17,6 +17,7 @@ from studies.contest import FINE_RATE, HORIZON, Contest, Result, Runner, run
 from studies.engines.engine import Engine, EngineBody, Setup, build
 from studies.matrix.arena import METHODS
 from studies.matrix.run import draw_box, draw_matrix, matrix_table, run_matrix
+from studies.pages import save
 from studies.tables import Charts, write_blocks
 
 CHARTS = Charts(
@@ -25,7 +26,7 @@ CHARTS = Charts(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the scenes and the stability matrix; writes pictures and tables."""
+    """Runs the scenes and the stability matrix; writes JSON, pictures and tables."""
     options = parser().parse_args(arguments)
     out = CHARTS.folder(options)
     if not options.charts_only:  # before the charts, whose replaced meshes PyBullet keeps in memory
@@ -34,6 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         real_maps = out / "images" / "real_maps"
         real_maps.mkdir(exist_ok=True)
         draw_box(real_maps / "box.png")
+        save(CHARTS.data(out), {"stability": [outcome.record() for outcome in outcomes]})
         write_blocks(out / "stability.md", {"stability": matrix_table(outcomes)})
     if not options.matrix_only:
         chosen = configurations(quick=options.quick)

@@ -1,5 +1,5 @@
-"""What studies tell: how far they are, the machine, and Markdown: tables, and blocks of pages, each marked with a
-digest of the code it was measured with.
+"""What studies tell: how far they are, the machine, figures as JSON, and Markdown: tables, and blocks of pages, each
+marked with a digest of the code it was measured with.
 
 A block stands between ``<!-- generated: NAME of SUBJECT, code DIGEST -->`` and ``<!-- end -->``. The subject says which
 rooms the figures depend on. The digest covers the code of these rooms without comments and docstrings, so that better
@@ -9,6 +9,7 @@ words do not make figures stale.
 import argparse
 import ast
 import hashlib
+import json
 import math
 import os
 import platform
@@ -19,7 +20,7 @@ from functools import cache
 from importlib.metadata import distributions
 from pathlib import Path
 from time import perf_counter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from smartmesh_ros import InputError
 
@@ -154,3 +155,15 @@ def measured_on() -> str:
     found = {one.name: one.version for one in distributions()}
     versions = ", ".join(f"{name} {found.get(name, 'not installed')}" for name in PACKAGES)
     return f"Measured on {short(' of ')}; python {platform.python_version()}, {versions}"
+
+
+def save(path: Path, data: Mapping[str, Any]) -> None:
+    """Write figures as JSON with five digits, what has no records inside in a line; entries of the file that ``data``
+    lacks stay."""
+    exact = json.dumps({**(json.loads(path.read_text()) if path.exists() else {}), **data})
+    text = json.dumps(json.loads(exact, parse_float=lambda figure: float(f"{float(figure):.5g}")), indent=1)
+
+    def in_a_line(record: re.Match[str]) -> str:
+        return re.sub(r",\n *", ", ", re.sub(r"(?<=[{[])\n *|\n *(?=[]}])", "", record[0]))
+
+    path.write_text(re.sub(r"{[^{}]+}|\[[^][{}]+\]", in_a_line, text) + "\n")

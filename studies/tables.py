@@ -3,12 +3,13 @@
 import argparse
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from studies.chart import draw_all, draw_scene
 from studies.contest import Result, beyond_all, cheapest_as_accurate, deviation_of, distance_of, measures_of, only_by
-from studies.pages import blocks_of, fill, measured_on, table
+from studies.pages import blocks_of, fill, measured_on, save, table
 
 OURS = ("ours", "ours, less")
 
@@ -68,9 +69,9 @@ def _mm(metres: float) -> str:
 
 
 class Charts(NamedTuple):
-    """``name`` of a study, also of its folder of pictures; ``command`` that runs it; ``page`` of its blocks, and the
-    ``title`` of links to it; ``unit``: what the cost is of; ``tables``: file of all figures; ``part``: folder of runs
-    that are not whole."""
+    """``name`` of a study, also of its folder of pictures and its file of data; ``command`` that runs it; ``page`` of
+    its blocks, and the ``title`` of links to it; ``unit``: what the cost is of; ``tables``: file of all figures;
+    ``part``: folder of runs that are not whole."""
 
     name: str
     command: str
@@ -101,6 +102,10 @@ class Charts(NamedTuple):
         named = [scene for scene in scenes if scene.name in options.scenes]
         return named or [scene for scene in scenes if scene.quick or not options.quick]
 
+    def data(self, out: Path) -> Path:
+        """Return the file of the results."""
+        return out / f"{self.name}.json"
+
     def images(self, out: Path) -> Path:
         """Return the folder of the pictures, which is made if there is none."""
         folder = out / "images" / self.name
@@ -111,7 +116,7 @@ class Charts(NamedTuple):
         self, out: Path, scenes: Mapping[str, Any], run: Callable[[Any], dict[str, Result]]
     ) -> tuple[dict[str, dict[str, Result]], dict[str, str]]:
         """Return the results of ``scenes``, which have their captions as keys, by ``run``, and blocks of the page.
-        Each scene is drawn at once; then come the picture and the tables of all."""
+        Each scene is drawn and kept at once; then come the picture and the tables of all."""
         machine = f"{measured_on()}."
         titles = {scene.name: scene.title for scene in scenes.values()}
         results: dict[str, dict[str, Result]] = {}
@@ -122,6 +127,8 @@ class Charts(NamedTuple):
         for caption, scene in scenes.items():
             found = results[scene.name] = run(scene)
             draw_scene(self.images(out) / f"{scene.name}.png", caption, found, self.unit)
+            kept = {name: {one: asdict(result) for one, result in of.items()} for name, of in results.items()}
+            save(self.data(out), {"machine": machine, "scenes": kept})
             picture = f"![](images/{self.name}/{scene.name}.png)"
             parts.append(f"## {scene.title}\n\n{picture}\n\n{scene_table(found)}\n")
         draw_all(self.images(out) / "all.png", titles, results, self.unit)
@@ -131,7 +138,7 @@ class Charts(NamedTuple):
     def write(self, out: Path, blocks: Mapping[str, str]) -> None:
         """Replace the blocks of the page."""
         write_blocks(out / self.page, blocks)
-        print(f"\nwrote {out / self.page}, {self.tables} and {self.images(out)}")
+        print(f"\nwrote {out / self.page}, {self.tables}, {self.data(out).name} and {self.images(out)}")
 
 
 def write_blocks(page: Path, blocks: Mapping[str, str]) -> None:

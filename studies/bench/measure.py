@@ -1,4 +1,4 @@
-"""Measures frames of cases: their medians (the report's Chapter 4)."""
+"""Measures frames of cases: median and spread (the report's Chapter 4)."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -20,7 +20,8 @@ Case = tuple[str, str, int]
 
 @dataclass
 class Bench:
-    """Runs cases; stores the ``medians`` [us] of their running times, and reasons by what was ``left_out``.
+    """Runs cases; stores what was ``found``: median, 10th and 90th percentile [us], and number of frames; and reasons
+    by what was ``left_out``.
 
     ``frames``: number of frames for each case, at ``most``; if they take longer than ``seconds``, fewer, at ``least``.
     ``quick``: of all sizes the first two only.
@@ -30,8 +31,7 @@ class Bench:
     least: int = 5
     seconds: float = 10.0
     quick: bool = False
-    medians: dict[Case, float] = field(default_factory=dict)
-    frames: dict[Case, int] = field(default_factory=dict)
+    found: dict[Case, tuple[float, float, float, int]] = field(default_factory=dict)
     left_out: dict[str, str] = field(default_factory=dict)
 
     def some(self, sizes: Sequence[int]) -> Sequence[int]:
@@ -40,7 +40,7 @@ class Bench:
 
     def us(self, what: str, method: str, size: int) -> float:
         """Median of a case [us]; NaN where it was not measured."""
-        return self.medians.get((what, method, size), math.nan)
+        return self.found.get((what, method, size), (math.nan,))[0]
 
     def time(self, case: Case, run: Callable[[], object], prepare: Before = None) -> None:
         """Measure ``run``. ``prepare`` runs before each call and is not measured."""
@@ -51,7 +51,8 @@ class Bench:
         laps, start = list[float](), perf_counter()
         while len(laps) < self.most and (len(laps) < self.least or perf_counter() - start < self.seconds):
             laps.append(_lap(run, prepare))
-        self.medians[case], self.frames[case] = 1e6 * float(np.median(laps)), len(laps)
+        median, low, high = 1e6 * np.percentile(laps, (50, 10, 90))
+        self.found[case] = float(median), float(low), float(high), len(laps)
 
 
 def _lap(run: Callable[[], object], prepare: Before) -> float:

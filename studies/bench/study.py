@@ -9,11 +9,11 @@ from studies.bench import report, searching, smart_mesh
 from studies.bench.measure import LONGEST_FRAME, Bench
 from studies.bench.searching import MAP_SIDES
 from studies.bench.smart_mesh import BATCH, SIDE
-from studies.pages import ROOT, fill, measured_on, number, say, table, times
+from studies.pages import ROOT, fill, measured_on, number, save, say, table, times
 
 # Above one: today is faster.
 RATIO = "report / today"
-PAGE = ROOT / "docs" / "benchmarks.md"
+PAGE, RESULTS = (ROOT / "docs" / f"benchmarks{suffix}" for suffix in (".md", ".json"))
 
 
 def measure(bench: Bench) -> None:
@@ -36,14 +36,16 @@ def measure(bench: Bench) -> None:
 
 
 def main() -> None:
-    """Measure, print the tables, and write them into the page."""
+    """Measure, print the tables, and write JSON and the page."""
     measure(bench := Bench())
-    frames = bench.frames.values()
+    frames = [found[-1] for found in bench.found.values()]
     text = (
         f"{measured_on()}, under a load of {os.getloadavg()[1]:.1f} (this bench alone: about 1). Medians of "
         f"{max(frames)} frames; of as few as {min(frames)} where a frame takes long.\n\n{all_tables(bench)}"
     )
     print(f"\n{text}")
+    times_us = {" ".join(map(str, case)): found for case, found in bench.found.items()}
+    save(RESULTS, {"machine": measured_on(), "left_out": bench.left_out, "times_us": times_us})
     fill(PAGE, {"tables": text})
 
 

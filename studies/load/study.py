@@ -2,6 +2,7 @@
 
 import argparse
 import math
+from dataclasses import asdict
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -13,7 +14,7 @@ from matplotlib.figure import Figure
 from smartmesh_ros import HeightMap
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from studies.load.driver import Case, groups, run_case
-from studies.pages import fill, short, table
+from studies.pages import fill, save, short, table
 
 SIDES = (256, 1024, 4096, 8192, 16384)
 # Samples on one side of a region, and how many are taken.
@@ -45,7 +46,7 @@ def regions() -> str:
 
 
 def main(args: list[str] | None = None) -> None:
-    """Runs the study; fills the blocks of what ran."""
+    """Runs the study; writes JSON and the blocks of what ran."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", choices=[*groups(), "regions"], help="run one group again, keep the others")
     only = parser.parse_args(args).only
@@ -60,6 +61,7 @@ def main(args: list[str] | None = None) -> None:
                 summaries.append(s := summary_of(run_case(case)))
                 words = f"{100 * s.missed:.2f} % missed, real time {s.real_time_factor:.2f}, lost {s.lost}"
                 print(f"{case}: {words}", flush=True)
+            save(RESULTS, {"machine": short(), group: [s._asdict() | {"case": asdict(s.case)} for s in summaries]})
             blocks[group] = (memory if group == "memory" else runs)(summaries)
             if group == "grid":
                 draw(summaries, short(), PICTURES)
@@ -69,8 +71,9 @@ def main(args: list[str] | None = None) -> None:
     print(f"wrote {PAGE}")
 
 
-# The page of the load study and the soak, and the folder of its pictures and what they show.
+# The page of the load study and the soak, its folder of pictures, and its figures.
 PAGE, PICTURES = Path("docs/performance.md"), Path("docs/images/load")
+RESULTS = PICTURES / "load.json"
 
 
 class Summary(NamedTuple):

@@ -231,3 +231,9 @@ class Outcome:
     def passed(self) -> bool | None:
         """Return True if the figure is within the limit; None if there is no figure."""
         return None if self.figure is None else bool(self.figure <= self.row.limit)
+
+    def record(self) -> dict[str, Any]:
+        """Return it as JSON has it."""
+        row = self.row
+        found = {"row": row.name, "method": self.method, "figure": self.figure}
+        return {**found, "limit": row.limit, "unit": row.unit, "source": row.source}

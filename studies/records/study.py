@@ -9,23 +9,24 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
 from studies.chart import PLAIN
-from studies.pages import ROOT, fill, measured_on, say
+from studies.pages import ROOT, fill, measured_on, save, say
 from studies.records.cells import cells_table
 from studies.records.entrants import ENTRANTS, OURS
 from studies.records.tax import engine_table, world_table
 from studies.records.touchdown import touchdown_table
 
-PAGE, PICTURE = ROOT / "docs" / "records.md", ROOT / "docs" / "images" / "records.png"
+PAGE, RESULTS, PICTURE = (ROOT / "docs" / name for name in ("records.md", "records.json", "images/records.png"))
 
 
 def main() -> None:
-    """Measure, print the tables, write the page and draw the picture."""
+    """Measure, print the tables, write JSON and the page, and draw the picture."""
     results: dict[str, tuple[str, Any]] = {}
     names = ("touchdown", "cells", "tax of engines", "tax")
     for name, run in zip(names, (touchdown_table, cells_table, engine_table, world_table), strict=True):
         say(name)
         results[name] = run()
         print(f"\n{results[name][0]}")
+    save(RESULTS, {"machine": measured_on(), **{name: found for name, (_, found) in results.items()}})
     fill(PAGE, {name: f"{text}\n\n{measured_on()}." for name, (text, _) in results.items()})
     draw(PICTURE, *(results[name][1] for name in ("tax of engines", "touchdown", "cells")))
 

@@ -9,7 +9,7 @@ from smartmesh_ros import BodyState, JointCommand, PhysicsConfig
 from studies.configurations import robot_configurations
 from studies.contest import run
 from studies.matrix.arena import Arena, square
-from studies.pages import say, table
+from studies.pages import save, say, table
 from studies.robots.contest import RobotContest
 from studies.robots.robot import DATA, HEAVING, STILL, RoughHills, scenes
 from studies.tables import Charts
@@ -80,7 +80,7 @@ CHARTS = Charts(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the scenes and the strangers; write pictures and tables."""
+    """Run the scenes and the strangers; write JSON, pictures and tables."""
     every = scenes()
     options = CHARTS.parser(__doc__, [scene.name for scene in every]).parse_args(arguments)
     out, todo = CHARTS.folder(options), CHARTS.chosen(options, every)
@@ -89,6 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     _, blocks = CHARTS.run(out, by_title, lambda scene: run(RobotContest(scene), chosen))
     names = ("mini_cheetah",) if options.quick else tuple(STRANGERS)
     strangers = [] if options.scenes else run_strangers(names)
+    save(CHARTS.data(out), {"strangers": [one._asdict() for one in strangers]})
     CHARTS.write(out, {**blocks, "strangers": strangers_table(strangers)})
     return 0
 

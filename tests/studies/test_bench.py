@@ -23,12 +23,14 @@ def test_each_run_is_prepared_and_enough_frames_are_measured() -> None:
     calls: list[str] = []
     bench = Bench(most=7, least=2)
     bench.time(("a", "first", 1), lambda: calls.append("1"), lambda: calls.append("p"))
-    assert bench.frames == {("a", "first", 1): 7}
+    assert bench.found["a", "first", 1][3] == 7
     text = "".join(calls)
     assert text == "p1" * (len(text) // 2)
     bench = Bench(most=1000, least=3, seconds=0.0)
     bench.time(("a", "first", 1), lambda: None)
-    assert bench.frames == {("a", "first", 1): 3}
+    median, low, high, frames = bench.found["a", "first", 1]
+    assert low <= median <= high
+    assert frames == 3
 
 
 def test_what_was_not_measured_is_no_figure() -> None:

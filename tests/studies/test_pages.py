@@ -1,11 +1,12 @@
 """Blocks of pages, which say which code they were measured with."""
 
+import json
 from pathlib import Path
 
 import pytest
 
 from smartmesh_ros.errors import InputError
-from studies.pages import SUBJECTS, blocks_of, digest, digest_of, fill, main, stale_blocks
+from studies.pages import SUBJECTS, blocks_of, digest, digest_of, fill, main, save, stale_blocks
 
 ROOT = Path(__file__).parents[2]
 PAGE = "words\n<!-- generated: one of core, code old -->\nold\n<!-- end -->\nmore\n"
@@ -53,3 +54,23 @@ def test_the_subjects_differ_and_every_mark_of_a_page_is_read() -> None:
     assert len({digest_of(subject) for subject in SUBJECTS}) == len(SUBJECTS)
     for page in (ROOT / "docs").glob("*.md"):
         assert page.read_text().count("<!-- generated") == len(blocks_of(page)), page.name
+
+
+DATA = {
+    "quick": False,
+    "scenes": {"flat": {"defaults": {"cost": 1.23456789, "spread": [1.0, 2.0], "note": ""}, "other": {"cost": 2.0}}},
+    "stability": [{"row": "a", "figure": None}, {"row": "b", "figure": 0.1}],
+}
+
+
+def test_what_is_written_is_read_and_other_entries_stay(tmp_path: Path) -> None:
+    path = tmp_path / "found.json"
+    save(path, DATA)
+    save(path, {"quick": True})
+    found = json.loads(path.read_text())
+    assert found["scenes"]["flat"]["defaults"] == {"cost": 1.2346, "spread": [1.0, 2.0], "note": ""}
+    assert found["stability"] == DATA["stability"]
+    assert found["quick"] is True
+    lines = [line.strip().rstrip(",") for line in path.read_text().splitlines()]
+    assert [line for line in lines if "cost" in line and "{" in line]
+    assert len([line for line in lines if line.startswith('{"row"')]) == 2
