@@ -245,7 +245,7 @@ def report(data: dict[str, Any], *, document: bool) -> None:
         f"{data['below_ground']}, at any sample at most {max(samples['below']):.0f}."
     )
     text = table(["figure", "median", "change per hour", ""], rows) + "\n\n" + words
-    print(text)
+    print(f"\n{text}")
     if document:
         _draw(samples, slopes, data["minutes"], PICTURES / "soak.png")
         fill(PAGE, {"soak": text})

@@ -186,11 +186,6 @@ def test_a_jump_of_a_pose_pushes_nothing_that_the_body_does_not_touch(world: Wor
     assert run(world, states, rate) < 0.01
 
 
-def test_a_body_that_drives_pushes_with_its_velocity(world: World) -> None:
-    run(world, [pose(0.01 * k) for k in range(100)], 48.0)
-    assert world.state("box").linear[0] == pytest.approx(0.48, abs=0.05)
-
-
 @examples(30)
 @given(st.floats(0.1, 5.0), st.floats(-1.0, 1.0), st.floats(-math.pi, math.pi), st.floats(5.0, 60.0))
 def test_steady_motion_keeps_its_velocity(speed: float, spin: float, course: float, rate: float) -> None:
