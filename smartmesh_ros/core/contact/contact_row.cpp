@@ -60,12 +60,11 @@ void slide_to_mid_step(const Convex& shape, const Contact& contact, const Approa
     const Vec3 v = approach.velocity_at(p) + approach.ground - contact.ground.velocity;
     return (v - n * dot(n, v)) * half;
   };
-  const auto rotated = [&](const Vec3& way, const Vec3& angular) { return way + cross(angular, way) * half; };
-  Vec3 at = contact.point, normal = rotated(n, approach.angular);
+  const auto rotated = [&](const Vec3& way) { return way + cross(approach.angular, way) * half; };
+  Vec3 at = contact.point, normal = rotated(n);
   if (contact.normal_of == NormalOf::Edges) {
     const Vec3 on_core = contact.point + n * (contact.distance + shape.rounding), then = on_core + slid(on_core);
-    const Vec3 edge = rotated(contact.body_edge, approach.angular),
-               other = rotated(contact.ground_edge, contact.ground.angular);
+    const Vec3 edge = rotated(contact.body_edge), other = contact.ground_edge + contact.ground_turn * half;
     double s, t;
     if (!nearest_on_lines(then, then + edge, at, at + other, s, t)) return;
     at = at + other * t, normal = cross(edge, other);
