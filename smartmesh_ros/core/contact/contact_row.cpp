@@ -150,7 +150,9 @@ void resist_rolling(const std::vector<Contact>& contacts, const Approach& approa
     // What carries the weight of the body there stops it in the step.
     const Vec3 ahead = along * ((falls > 0.0 ? std::min(most, radius * speed / falls) : most) / speed);
     rows[k].at = rows[k].at + ahead;
-    rows[k].speed += dot(contact.normal, cross(approach.angular, ahead));
+    // There it turns as the body does: a spin about the normal makes no slip.
+    const Vec3 turns = cross(approach.angular, ahead);
+    rows[k].speed += dot(contact.normal, turns), rows[k].slide = rows[k].slide + turns;
   }
 }
 
@@ -161,7 +163,7 @@ void find_slips(const std::vector<Contact>& contacts, const std::vector<OldConta
     const auto along_ground = [&](const Vec3& v) { return v - contact.normal * dot(v, contact.normal); };
     const OldContact* old = matching(contact, before, approach.duration);
     const double friction = rows[k].friction.sliding, share = static_cast<double>(contacts.size()) / pull.mass;
-    const Vec3 slip = along_ground(approach.velocity_at(contact) + contact.ground.velocity - rows[k].slide);
+    const Vec3 slip = along_ground(approach.velocity_at(rows[k].at) + approach.ground - rows[k].slide);
     // Without friction, what does not slip would go where friction held it in the last step, and where it is pulled
     // since.
     const bool slips = old == nullptr || norm2(slip) > norm2(pull.now);
