@@ -126,13 +126,14 @@ void place_in_mid_step(const Convex& shape, const Pose& pose, const std::vector<
       slide_to_mid_step(shape, contact, approach, rows[k]);
       continue;
     }
-    if (contact.distance <= 0.0) continue;
-    Vec3 angular = approach.angular;
-    // A round shape stays where it is if it spins: only what tilts its axis in the plane of the normal moves its
-    // surface.
-    if (const Vec3 tilts = unit(cross(contact.normal, axis)); is_round) angular = tilts * dot(angular, tilts);
     const Vec3 on_core = contact.point + contact.normal * (contact.distance + shape.rounding);
-    rows[k].at = contact.point + cross(angular, on_core - approach.centre) * (0.5 * approach.duration);
+    const Vec3 arm = (on_core - approach.centre) * (0.5 * approach.duration);
+    // Along the ground all move as in the middle of the step. Along the normal, what is in the ground stays there, and
+    // so does the surface of a round shape that spins: only what tilts its axis in the plane of the normal moves it.
+    Vec3 angular = contact.distance > 0.0 ? approach.angular : Vec3{};
+    if (const Vec3 tilts = unit(cross(contact.normal, axis)); is_round) angular = tilts * dot(angular, tilts);
+    rows[k].at = contact.point + cross(angular, arm);
+    rows[k].slide = rows[k].slide - cross(approach.angular, cross(approach.angular - angular, arm));
   }
 }
 
