@@ -22,7 +22,7 @@ from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import LONGEST_NAME, MOST_BODIES, Settings
 from smartmesh_ros.node.refusals import Refusals, shortened
 from smartmesh_ros.node.services.files import FileWork
-from smartmesh_ros.node.services.turns import Line, Turns, Work
+from smartmesh_ros.node.services.turns import Turns, Work
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer, stamp_of
 from smartmesh_ros.node.timing.stamps import StampClock
 from smartmesh_ros.node.transport import Clock, Transport
@@ -93,7 +93,7 @@ class Session:
         self.overtaken: Counter[str] = Counter()
         self.maps = 0
         self.map_warning = ""
-        self.turns, self.standing = Turns(), Line()
+        self.turns = Turns()
         self.files = FileWork()
         self.lost: dict[str, str] = {}
 
