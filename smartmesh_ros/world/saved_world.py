@@ -6,12 +6,14 @@ import copy
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any, Protocol
 
 import pybullet as pb
 
 from smartmesh_ros.errors import checked_seed
 from smartmesh_ros.ground.bullet import undone
+from smartmesh_ros.ground.quaternions import rounded
 from smartmesh_ros.ground.shapes import Hull
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain import state_file
@@ -63,8 +65,9 @@ class SavedWorld(Population):
         return Snapshot(time=self.time, bodies=tuple(map(self._snapshot_of, self._own_bodies())))
 
     def _snapshot_of(self, body: Body) -> BodySnapshot:
+        state = self.state(body.name)
         return BodySnapshot(
-            name=body.name, state=self.state(body.name), initial=body.initial, radius=body.radius, mass=body.mass,
+            name=body.name, state=replace(state, orientation=rounded(state.orientation)), initial=body.initial, radius=body.radius, mass=body.mass,
             shape=body.shape, tracked=body.tracked, urdf=body.urdf, friction=body.friction,
             restitution=body.restitution, commands=dict(body.commands), belts=self._belts(body),
             joints={name: self.client.getJointState(body.uid, index)[:2] for name, index in body.joints.items()},
