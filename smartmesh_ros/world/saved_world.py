@@ -67,9 +67,9 @@ class SavedWorld(Population):
     def _snapshot_of(self, body: Body) -> BodySnapshot:
         state = self.state(body.name)
         return BodySnapshot(
-            name=body.name, state=replace(state, orientation=rounded(state.orientation)), initial=body.initial, radius=body.radius, mass=body.mass,
-            shape=body.shape, tracked=body.tracked, urdf=body.urdf, friction=body.friction,
-            restitution=body.restitution, commands=dict(body.commands), belts=self._belts(body),
+            name=body.name, state=replace(state, orientation=rounded(state.orientation)), initial=body.initial,
+            radius=body.radius, mass=body.mass, shape=body.shape, tracked=body.tracked, urdf=body.urdf,
+            friction=body.friction, restitution=body.restitution, commands=dict(body.commands), belts=self._belts(body),
             joints={name: self.client.getJointState(body.uid, index)[:2] for name, index in body.joints.items()},
             ends={joint: end for (name, joint), end in self._ends.items() if name == body.name},
         )  # fmt: skip
