@@ -1,6 +1,7 @@
 """Grounds in PyBullet worlds of a user's own: bodies as PyBullet makes and changes them, and grounds that end."""
 
 import gc
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -41,12 +42,17 @@ def test_what_is_not_attached_is_not_asleep(client: Any) -> None:
     assert not ground.is_asleep(put(client, BALL, (0.0, 0.0, 0.3))) and not ground.is_asleep(99)
 
 
-def test_a_ground_whose_client_was_reset_refuses_new_bodies_and_says_why(client: Any) -> None:
+def test_a_ground_whose_client_was_reset_refuses_what_needs_it_and_says_why(client: Any) -> None:
     ground = ground_of(client, level(), put(client, BALL, (0.0, 0.0, 0.3)))
     client.resetSimulation()
     ball = put(client, BALL, (0.0, 0.0, 0.3))
-    with pytest.raises(InputError, match="was reset or closed: close this ground, and make another"):
-        ground.attach(ball)
+    asked: tuple[Callable[[], object], ...] = (
+        lambda: ground.attach(ball), lambda: ground.step(0.0, 1.0 / 240.0), lambda: ground.clock,
+        lambda: ground.rescues, lambda: ground.is_asleep(0), lambda: ground.find_patches(0.0),
+    )  # fmt: skip
+    for ask in asked:
+        with pytest.raises(InputError, match="was reset or closed: close this ground, and make another"):
+            ask()
     assert client.getNumBodies() == 1
 
 
