@@ -6,14 +6,12 @@ import copy
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from typing import Any, Protocol
 
 import pybullet as pb
 
 from smartmesh_ros.errors import checked_seed
 from smartmesh_ros.ground.bullet import undone
-from smartmesh_ros.ground.quaternions import rounded
 from smartmesh_ros.ground.shapes import Hull
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain import state_file
@@ -65,21 +63,24 @@ class SavedWorld(Population):
         return Snapshot(time=self.time, bodies=tuple(map(self._snapshot_of, self._own_bodies())))
 
     def _snapshot_of(self, body: Body) -> BodySnapshot:
-        state = self.state(body.name)
         return BodySnapshot(
-            name=body.name, state=replace(state, orientation=rounded(state.orientation)), initial=body.initial,
-            radius=body.radius, mass=body.mass, shape=body.shape, tracked=body.tracked, urdf=body.urdf,
-            friction=body.friction, restitution=body.restitution, commands=dict(body.commands), belts=self._belts(body),
+            name=body.name, state=self.state(body.name), initial=body.initial, radius=body.radius, mass=body.mass,
+            shape=body.shape, tracked=body.tracked, urdf=body.urdf, friction=body.friction,
+            restitution=body.restitution, commands=dict(body.commands), belts=self._belts(body),
             joints={name: self.client.getJointState(body.uid, index)[:2] for name, index in body.joints.items()},
             ends={joint: end for (name, joint), end in self._ends.items() if name == body.name},
         )  # fmt: skip
 
     def state_bytes(self, extra: dict[str, Any] | None = None) -> bytes:
         """Return the whole state, as `save` does, and go on as before. ``extra``: what is saved with it."""
+        return self._whole(self.snapshot(), extra).to_bytes()
+
+    def _whole(self, snapshot: Snapshot, extra: dict[str, Any] | None) -> WorldState:
+        """Return the whole state, with a snapshot of its bodies."""
         self.ground.check_soil()
         soil, contacts, slots = self.ground.soil, self.ground.contacts, self._own_slots()
         return WorldState(
-            snapshot=self.snapshot(),
+            snapshot=snapshot,
             terrain=self.terrain,
             soil=None if soil is None else soil.state(),
             tile=self.ground.tile_of_soil,
@@ -90,7 +91,7 @@ class SavedWorld(Population):
             memory=contacts.memory(slots),
             falls=self.falls.checked,
             extra=extra or {},
-        ).to_bytes()
+        )
 
     def save(self, file: str | os.PathLike[str] | None = None, *, extra: dict[str, Any] | None = None) -> bytes:
         """Return the whole state, and write it to a ``file`` unless it is None.
@@ -102,7 +103,7 @@ class SavedWorld(Population):
         before, carriers of decks without the acceleration before,
         and what slept wakes, and sleeps again after a few steps. Raises `InputError` if the file cannot be written.
         """
-        data = self.state_bytes(extra)
+        data = self._whole(self.snapshot().rounded(), extra).to_bytes()
         if file is not None:
             state_file.write(data, file)
         self.restore(data)
