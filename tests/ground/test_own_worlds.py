@@ -37,6 +37,20 @@ def test_a_body_that_got_its_mass_after_it_was_attached_is_lifted_out_of_the_gro
     assert height(client, ball) == pytest.approx(0.2, abs=1e-3) and ground.rescues == 1
 
 
+@pytest.mark.parametrize("how", ["mask", "pair"])
+def test_a_body_that_pybullet_keeps_from_the_ground_falls_through_it(client: Any, how: str) -> None:
+    ball = put(client, BALL, (0.0, 0.0, 0.2))
+    ground = ground_of(client, level(), ball)
+    run(ground, 10)
+    if how == "mask":
+        client.setCollisionFilterGroupMask(ball, -1, 0, 0)
+    else:
+        [proxy] = {contact[2] for contact in client.getContactPoints(ball)}
+        client.setCollisionFilterPair(ball, proxy, -1, -1, 0)
+    run(ground, 240)
+    assert height(client, ball) < -4.0 and ground.rescues == 0
+
+
 def test_what_is_not_attached_is_not_asleep(client: Any) -> None:
     ground = ground_of(client, level())
     assert not ground.is_asleep(put(client, BALL, (0.0, 0.0, 0.3))) and not ground.is_asleep(99)

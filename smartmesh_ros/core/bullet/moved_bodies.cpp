@@ -153,6 +153,13 @@ std::vector<int> BulletWorld::find_nowhere(double farthest) const {
   return found;
 }
 
+// Returns true if PyBullet's groups and masks, or a filter of the pair, keep a body and its ground apart.
+bool BulletWorld::is_kept_from_ground(const Slot& slot) const {
+  const btOverlapFilterCallback* filter = world_->getPairCache()->getOverlapFilterCallback();
+  return filter != nullptr && slot.ground != nullptr &&
+         !filter->needBroadphaseCollision(slot.object->getBroadphaseHandle(), slot.ground->getBroadphaseHandle());
+}
+
 // Bodies that were spawned or teleported below the ground, covered by a map, or pushed there by another body.
 void BulletWorld::lift_bodies() {
   if (maybe_below_.empty()) return;
@@ -163,7 +170,7 @@ void BulletWorld::lift_bodies() {
   std::map<int, Lift> lifts;  // robots as a whole, by the largest lift of their links
   GroundReader reader = terrain->reader(time, INSTANT);
   for (int k : maybe_below_) {
-    if (slots_[k].object == nullptr) continue;
+    if (slots_[k].object == nullptr || is_kept_from_ground(slots_[k])) continue;
     const GroundPoint ground = ground_above_all_parts(k, reader);
     if (std::isnan(ground.height)) continue;
     const BodyPose pose = body_pose(slots_[k].object->getWorldTransform());
