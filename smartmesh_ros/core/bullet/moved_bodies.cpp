@@ -119,7 +119,8 @@ void BulletWorld::move_with_corrections() {
   }
 }
 
-// What has a part above the ground is not below it: it may stand astride.
+// What has a part above the ground is not below it: it may stand astride. In ground that gives a part is above it as
+// long as any point of the body is.
 GroundPoint BulletWorld::ground_above_all_parts(int slot, GroundReader& reader) const {
   const Slot& it = slots_[slot];
   const Pose pose = from_bullet(it.object->getWorldTransform());
@@ -129,6 +130,10 @@ GroundPoint BulletWorld::ground_above_all_parts(int slot, GroundReader& reader) 
     if (std::isnan(ground.height)) return ground;
     if (ground.height > highest.height) highest = ground;
   }
+  const BodyPose at = body_pose(it.object->getWorldTransform());
+  if (terrain->has_material() && -it.body_shape->lowest(at, {0.0, 0.0, -1.0}) > highest.height &&
+      terrain->material(at.at.x, at.at.y, time).gives())
+    return {std::numeric_limits<double>::quiet_NaN(), {}};
   return highest;
 }
 
