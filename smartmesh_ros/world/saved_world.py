@@ -75,6 +75,10 @@ class SavedWorld(Population):
         """Return the whole state, as `save` does, and go on as before. ``extra``: what is saved with it."""
         return self._whole(self.snapshot(), extra).to_bytes()
 
+    def _saved(self, extra: dict[str, Any] | None = None) -> bytes:
+        """Return the whole state as other worlds take it over."""
+        return self._whole(self.snapshot().rounded(), extra).to_bytes()
+
     def _whole(self, snapshot: Snapshot, extra: dict[str, Any] | None) -> WorldState:
         """Return the whole state, with a snapshot of its bodies."""
         self.ground.check_soil()
@@ -103,7 +107,7 @@ class SavedWorld(Population):
         before, carriers of decks without the acceleration before,
         and what slept wakes, and sleeps again after a few steps. Raises `InputError` if the file cannot be written.
         """
-        data = self._whole(self.snapshot().rounded(), extra).to_bytes()
+        data = self._saved(extra)
         if file is not None:
             state_file.write(data, file)
         self.restore(data)

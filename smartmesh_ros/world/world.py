@@ -77,7 +77,7 @@ class World(SavedWorld):
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy of the world, or one in another process, is made of: its whole state."""
-        return {"state": self.state_bytes()}
+        return {"state": self._saved()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make a world that evolves as one restored from the state."""
