@@ -144,7 +144,7 @@ void add_bodies(nb::module_& m) {
                    })
       .def_ro("radius", &BodyShape::radius)
       .def_prop_ro("parts", &parts_of)
-      .def_prop_ro("vertices", &vertices_of);
+      .def_prop_ro("vertices", &vertices_of, nb::rv_policy::automatic);  // a new array is no part of the shape
   nb::class_<LowerSurface>(m, "LowerSurface")
       .def(nb::init<const std::vector<BodyShape>&>(), "shapes"_a)
       .def("bounds", &bounds_at, "poses"_a.noconvert())
