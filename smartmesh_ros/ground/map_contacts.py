@@ -47,10 +47,7 @@ def ground_in(client: Any) -> Any:
     elif (number := number_of(client)) < 0:
         why = f"this PyBullet does not load the core {CORE.__file__}"
     else:
-        try:
-            return CORE.Ground(number)
-        except RuntimeError as error:
-            raise InputError("client", str(error)) from None
+        return CORE.Ground(number)
     raise InputError("client", f"bodies cannot stand on the ground: {why}")
 
 
@@ -162,8 +159,6 @@ class MapContacts:
 
     def require_client(self) -> None:
         """Raise `InputError` if the client was reset or closed, and PyBullet's error if a step failed in the core."""
-        if not self.core.is_there:
-            raise InputError("client", "the PyBullet client was reset or closed: close this ground, and make another")
         if fault := self.core.take_fault():
             raise pb.error(f"in a step of PyBullet a body had no contacts with the ground: {fault}")
 

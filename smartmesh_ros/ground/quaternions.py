@@ -16,6 +16,9 @@ Z: Vector = (0.0, 0.0, 1.0)
 STRAIGHT = 1e-6
 # Length of a quaternion's vector part below which it is half of the rotation vector in double precision.
 TINY = 1e-12
+# Step of rounded quaternions, far above the rounding of matrices, and size of a component that follows from the others:
+# below 0.5, which the largest one of each quaternion reaches, and no component of a usual rotation.
+STEP, LARGE = 2.0**-45, 0.45
 
 
 def product(a: Quaternion, b: Quaternion) -> Quaternion:
@@ -39,6 +42,16 @@ def about(axis: Vector, angle: float) -> Quaternion:
 def conjugate(q: Quaternion) -> Quaternion:
     """The inverse rotation."""
     return -q[0], -q[1], -q[2], q[3]
+
+
+def rounded(q: Quaternion) -> Quaternion:
+    """Return a rotation that comes back equal to the bit from whoever keeps it as a matrix, as PyBullet does, if the
+    answer is rounded, too. Three components are multiples of `STEP`; the length gives the other, which is positive."""
+    free = next(index for index in (3, 0, 1, 2) if abs(q[index]) > LARGE)
+    parts = [round(math.copysign(value, value * q[free]) / STEP) * STEP for value in q]
+    others = sum(value * value for index, value in enumerate(parts) if index != free)
+    parts[free] = math.sqrt(1.0 - others)
+    return parts[0], parts[1], parts[2], parts[3]
 
 
 def rotate(q: Quaternion, v: Vector) -> Vector:

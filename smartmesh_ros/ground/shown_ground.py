@@ -3,6 +3,7 @@ of each mesh, which nothing touches."""
 
 from __future__ import annotations
 
+import hashlib
 import logging
 import math
 import tempfile
@@ -76,7 +77,7 @@ class ShownGround:
         self._tiles: dict[str, ShownTile] = {}
         # PyBullet frees neither shapes of height fields nor textures, so that these are used again.
         self._unused: dict[Size, list[int]] = {}  # shapes
-        self._textures: dict[bytes, int] = {}  # by their files
+        self._textures: dict[bytes, int] = {}  # by digests of their images
         self._refused: set[str] = set()  # meshes that PyBullet cannot show
         self._drawn = math.nan  # when the ground was drawn last [s]
 
@@ -188,12 +189,13 @@ class ShownGround:
     def _colour(self, uid: int, colours: NDArray[np.uint8]) -> None:
         """Give a body the colours (rows, columns, 3) of its samples."""
         image = _as_tga(colours)
-        if image not in self._textures:
+        digest = hashlib.sha256(image).digest()
+        if digest not in self._textures:
             with tempfile.TemporaryDirectory() as folder:
                 file = Path(folder, "ground.tga")
                 file.write_bytes(image)
-                self._textures[image] = self._client.loadTexture(str(file))
-        texture = self._textures[image]
+                self._textures[digest] = self._client.loadTexture(str(file))
+        texture = self._textures[digest]
         self._client.changeVisualShape(uid, -1, textureUniqueId=texture, rgbaColor=(1.0,) * 4, specularColor=(0.0,) * 3)
 
     def _remove(self, name: str) -> None:

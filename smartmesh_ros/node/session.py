@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from threading import RLock
 from typing import Any
@@ -22,7 +22,7 @@ from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import LONGEST_NAME, MOST_BODIES, Settings
 from smartmesh_ros.node.refusals import Refusals, shortened
 from smartmesh_ros.node.services.files import FileWork
-from smartmesh_ros.node.services.turns import Line, Turns, Work
+from smartmesh_ros.node.services.turns import Turns, Work
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer, stamp_of
 from smartmesh_ros.node.timing.stamps import StampClock
 from smartmesh_ros.node.transport import Clock, Transport
@@ -34,6 +34,8 @@ from smartmesh_ros.world.world import World
 Act = Callable[[Any, Any], Any]
 # Queue depth of requests and responses. The default of ROS drops all but ten.
 SERVICES = QoSProfile(depth=2000)
+# Most lost bodies that are named, beside those of the scene.
+MOST_LOST = 16
 # Errors that end a message or call, and leave the world as it was.
 REFUSED = (InputError, pb.error)
 # Errors of a step or an output that the node outlives.
@@ -93,7 +95,7 @@ class Session:
         self.overtaken: Counter[str] = Counter()
         self.maps = 0
         self.map_warning = ""
-        self.turns, self.standing = Turns(), Line()
+        self.turns = Turns()
         self.files = FileWork()
         self.lost: dict[str, str] = {}
 
@@ -266,8 +268,9 @@ class Session:
             self.node.get_logger().warning(words)
         return words
 
-    def note_lost(self) -> None:
-        """Counts and logs the bodies that the world removed because they were far below the ground, or nowhere."""
+    def note_lost(self, initial: Collection[str]) -> None:
+        """Counts and logs the bodies that the world removed because they were far below the ground, or nowhere.
+        Remembers the ``initial`` ones, and the last `MOST_LOST` others."""
         lost = [f"{name!r} {why}, and was removed" for name, why in self.world.lost.items()]
         if not lost:
             return
@@ -275,6 +278,8 @@ class Session:
         self.node.get_logger().warning(f"{listed(lost, between='; ')}; spawn again what is missed")
         self.lost |= self.world.lost
         self.world.lost.clear()
+        for name in [name for name in self.lost if name not in initial][:-MOST_LOST]:
+            del self.lost[name]
 
     def require_frame(self, frame_id: str) -> None:
         """Raises `InputError` if ``frame_id`` is too long, or neither empty nor the terrain's frame."""

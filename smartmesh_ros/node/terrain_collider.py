@@ -101,7 +101,7 @@ class Collider:
                     session.world.skip(skipped)
                     self._outputs.publish_patches()
                     session.world.step()
-            session.note_lost()
+            session.note_lost(self.initial.names)
             self._outputs.publish()
 
     def turn(self) -> bool:

@@ -39,7 +39,7 @@ class Soil:
 
     ``terrain``: a height map, or a terrain whose ``tile`` is one. ``soil``: a soil, its name in ``soils.yaml``, or
     several of either; ``kinds`` (rows, columns) then tells which one each sample is, by its place in the list. By
-    default that is in the map (`HeightMap.soil`).
+    default that is in the map (`HeightMap.soil`), whose places beyond the list count as the last.
     ``spacing`` [m]: largest distance of the samples of the soil, which is finer than the map; halving it makes short
     contacts, as on clay, more exact, and costs four times as much. ``slip_sinkage``: wheels that slip dig themselves
     in, by Lyasko's law (2010). Raises `InputError`.
@@ -72,7 +72,7 @@ class Soil:
         if self.map.motion.corrects:
             raise InputError("soil", "the map takes changes for corrections, so it cannot keep ruts; let it be exact")
         places = checked_soil(_kinds_of(self.map) if kinds is None else kinds, self.map.heights.shape)
-        if places.max() >= len(self.soils):
+        if kinds is not None and places.max() >= len(self.soils):
             last = len(self.soils) - 1
             raise InputError("soil", f"kinds are up to {places.max()}; they must be places in the list, 0 to {last}")
         self.map.soil = places

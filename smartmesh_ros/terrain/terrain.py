@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -25,7 +26,7 @@ class Terrain(Tiles):
     move. A single tile has the name ``""``."""
 
     def __init__(self, single: MainMesh | None = None) -> None:
-        self.decks: dict[str, Deck] = {}
+        self._decks: dict[str, Deck] = {}
         super().__init__(single)
 
     def state(self) -> dict[str, Any]:
@@ -37,7 +38,7 @@ class Terrain(Tiles):
         """Return the terrain of such a state; raises `InputError` if it is none."""
         made = cls()
         made.take_state(state)
-        made.decks = {name: Deck.from_state(kept) for name, kept in state["decks"].items()}
+        made._decks = {name: Deck.from_state(kept) for name, kept in state["decks"].items()}
         made._changed()
         return made
 
@@ -45,7 +46,7 @@ class Terrain(Tiles):
         """Take tiles and decks of another terrain, as `Tiles.become` does. Grounds on this terrain stay on it."""
         known, decks, core = self.decks, other.decks, self.core
         undos = [*(known[name].become(decks[name]) for name in known.keys() & decks.keys()), super().become(other)]
-        self.decks = {name: known.get(name, deck) for name, deck in decks.items()}
+        self._decks = {name: known.get(name, deck) for name, deck in decks.items()}
         self.core = core
         self._changed()
 
@@ -69,7 +70,7 @@ class Terrain(Tiles):
         if not isinstance(mesh, Deck):
             super().put(name, mesh)
             return
-        self.decks[name] = mesh
+        self._decks[name] = mesh
         self._changed()
 
     def remove(self, name: str) -> None:
@@ -77,8 +78,13 @@ class Terrain(Tiles):
         if name not in self.decks:
             super().remove(name)
             return
-        del self.decks[name]
+        del self._decks[name]
         self._changed()
+
+    @property
+    def decks(self) -> Mapping[str, Deck]:
+        """The decks by name, to read; `put` and `remove` change them."""
+        return MappingProxyType(self._decks)
 
     def deck(self, name: str) -> Deck:
         """Return a deck; raises `InputError` if none has that name."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any, Self
 
 from smartmesh_ros.core import CORE
@@ -25,7 +26,7 @@ class Tiles:
     """
 
     def __init__(self, single: MainMesh | None = None) -> None:
-        self.tiles: dict[str, MainMesh] = {}
+        self._tiles: dict[str, MainMesh] = {}
         self.numbers: dict[str, int] = {}  # of the tiles; a tile keeps its number, and no other one gets it
         self._next_number = 0
         self.core = self._new_core()
@@ -57,7 +58,7 @@ class Tiles:
     def take_state(self, state: dict[str, Any]) -> None:
         """Have the tiles of such a state, and none besides; raises `InputError` if it is none."""
         for name, (kind, kept) in state["tiles"].items():
-            mesh = self.tiles[name] = _KINDS[kind].__new__(_KINDS[kind])
+            mesh = self._tiles[name] = _KINDS[kind].__new__(_KINDS[kind])
             mesh.__setstate__(kept)
         self.numbers, self._next_number = dict(state["numbers"]), int(state["next_number"])
         self._changed()
@@ -80,9 +81,14 @@ class Tiles:
             if type(own := self.tiles.get(name)) is type(mesh):
                 _replace_contents(own, vars(mesh))
                 tiles[name] = own
-        vars(self).update(vars(other), tiles=tiles)
+        vars(self).update(vars(other), _tiles=tiles)
         self._changed()
         return undo
+
+    @property
+    def tiles(self) -> Mapping[str, MainMesh]:
+        """The tiles by name, to read; `put` and `remove` change them."""
+        return MappingProxyType(self._tiles)
 
     @property
     def layout_revision(self) -> int:
@@ -108,7 +114,7 @@ class Tiles:
                 mesh.correct_from(old, cells_moved(old.geometry, mesh.geometry))
             else:
                 follow_across(old, mesh)
-        self.tiles[name] = mesh
+        self._tiles[name] = mesh
         if name not in self.numbers:
             self.numbers[name], self._next_number = self._next_number, self._next_number + 1
         self._changed()
@@ -116,7 +122,7 @@ class Tiles:
     def remove(self, name: str) -> None:
         """Remove a tile; raises `InputError` if no tile has that name."""
         self.tile(name)
-        del self.tiles[name], self.numbers[name]
+        del self._tiles[name], self.numbers[name]
         self._changed()
 
     def tile(self, name: str) -> MainMesh:

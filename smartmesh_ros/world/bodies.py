@@ -30,6 +30,7 @@ from smartmesh_ros.world.robots.loading import (
 )
 from smartmesh_ros.world.robots.meaning import SurfaceDrive
 from smartmesh_ros.world.robots.prepared import PreparedRobot
+from smartmesh_ros.world.standing import Underside
 
 # Collision margin of boxes and cylinders [m]. PyBullet rounds their edges by it; at its default of 1 mm a box standing
 # on an edge would be 0.4 mm deep in the ground.
@@ -232,6 +233,17 @@ class BodyFactory:
         self.move(body, state)
         for name, joint in body.joints.items():
             self._client.resetJointState(body.uid, joint, body.starts.get(name, 0.0), 0.0)
+
+    def underside(self, body: Body) -> Underside:
+        """Return the lower surface of a simulated body or robot, with its joints as they are."""
+        if body.shape is not None:
+            return Underside([body.shape.body_shape], [IDENTITY])
+        base = Transform(*self._client.getBasePositionAndOrientation(body.uid))
+        poses = [
+            base if link < 0 else Transform(*self._client.getLinkState(body.uid, link, computeForwardKinematics=1)[:2])
+            for link in body.shapes
+        ]
+        return Underside([*body.shapes.values()], [base.inverse().then(pose) for pose in poses])
 
     def _sharpen(self, uid: int, shape: Solid) -> None:
         """Round the edges of a body by `ROUNDED` alone."""

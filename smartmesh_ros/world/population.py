@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Collection
 from typing import Any
 
-import pybullet as pb
 from numpy.typing import ArrayLike
-from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import undone
@@ -26,7 +23,7 @@ from smartmesh_ros.world.body_rays import RayHits, cast_rays, require_bodies
 from smartmesh_ros.world.driving import Driving
 from smartmesh_ros.world.link_frames import frame_state
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
-from smartmesh_ros.world.standing import NO_TERRAIN, Parts, Stance, finished, stance_of
+from smartmesh_ros.world.standing import NO_TERRAIN, put_on_ground
 
 
 class Population(Driving):
@@ -36,7 +33,6 @@ class Population(Driving):
 
     time: float
     guests: Any  # the `Guests`, which know this class
-    _spare: list[Any]  # PyBullets in which bodies were measured
     say: Callable[[str], object] = logging.getLogger("smartmesh_ros").warning
     note: Callable[[str], object] = logging.getLogger("smartmesh_ros").info
 
@@ -67,8 +63,9 @@ class Population(Driving):
         some part of the body is over no ground is refused.
         """
         self._require_free(name)
-        start = self._start_of(name, shape, state or BodyState(), on_ground=on_ground, clearance=clearance, align=align)
-        self._add(self._factory.simulated(name, shape, mass, start))
+        start = self._start_of(name, state, on_ground)
+        body = self._factory.simulated(name, shape, mass, start)
+        self._add(self._put(body, on_ground=on_ground, clearance=clearance, align=align))
 
     def spawn_robot(
         self,
@@ -86,28 +83,8 @@ class Population(Driving):
         A robot that was prepared by `prepare_robot`, in another thread for example, is added in a few milliseconds.
         """
         self._require_free(name)
-        robot = prepare_robot(urdf)
-        start = self._start_of(name, robot, state or BodyState(), on_ground=on_ground, clearance=clearance, align=align)
-        self._add(self._factory.robot(name, robot, start))
-
-    def stance_of(
-        self, name: str, what: Shape | PreparedRobot, state: BodyState, *, align: bool = False
-    ) -> Parts[Stance]:
-        """Find how a shape or a robot would stand on the ground, in parts of a few milliseconds between which this
-        world may step; `Stance.on` then returns the state for `spawn` or `spawn_robot`. Raises `InputError` as these
-        do. The first measurement of a world takes a part of 0.1 s, and 30 MB until `close`."""
-        require_possible(name, state)
-        if self.terrain.empty:
-            raise InputError("no_map", NO_TERRAIN)
-        yield
-        with self._beside() as client:
-            factory = BodyFactory(client, self._factory.config)
-            if isinstance(what, PreparedRobot):
-                body = factory.robot(name, what, state)
-            else:
-                body = factory.simulated(name, what, 1.0, state)
-            yield
-            return (yield from stance_of(client, body, state, self.ground_at, align=align))
+        body = self._factory.robot(name, prepare_robot(urdf), self._start_of(name, state, on_ground))
+        self._add(self._put(body, on_ground=on_ground, clearance=clearance, align=align))
 
     def ground_at(self, points_w: ArrayLike) -> GroundSamples:
         """Return the ground under points (N, 2) [m] now: heights, normals, velocities and ages; see `Ground.at`."""
@@ -205,24 +182,25 @@ class Population(Driving):
         """The attached bodies and links, by the slots of the batches."""
         return self.ground.followers
 
-    @contextmanager
-    def _beside(self) -> Iterator[Any]:
-        """Give the block an empty PyBullet beside the world's, kept for later blocks: to connect one takes 20 ms."""
-        client: Any = self._spare.pop() if self._spare else BulletClient(pb.DIRECT)
-        client.resetSimulation()
-        try:
-            yield client
-        finally:
-            self._spare.append(client)
-
-    def _start_of(
-        self, name: str, new: Shape | PreparedRobot, state: BodyState, *, on_ground: bool, clearance: float, align: bool
-    ) -> BodyState:
-        """Return the state in which a new body starts, by the options of `spawn`. Raises `InputError`."""
-        if on_ground:
-            state = finished(self.stance_of(name, new, state, align=align)).on(self.ground_at, clearance)
+    def _start_of(self, name: str, state: BodyState | None, on_ground: bool) -> BodyState:
+        """Return the state for a new body before it is put onto the ground. Raises `InputError`."""
+        state = state or BodyState()
         require_possible(name, state)
+        if on_ground and self.terrain.empty:
+            raise InputError("no_map", NO_TERRAIN)
         return state
+
+    def _put(self, body: Body, *, on_ground: bool, clearance: float, align: bool) -> Body:
+        """Put a body that PyBullet has onto the ground, by the options of `spawn`; removes it from PyBullet if that
+        fails."""
+        if on_ground:
+            with undone(lambda: self.client.removeBody(body.uid)):
+                under = self._factory.underside(body)
+                start = put_on_ground(under, body.initial, self.ground_at, clearance=clearance, align=align)
+                require_possible(body.name, start)
+                self._factory.place(body, start)
+                body.initial = start
+        return body
 
     def _own_body(self, name: str) -> Body:
         """Return a body that this world simulates or tracks; raises `InputError` for a remote body."""

@@ -73,10 +73,18 @@ class SavedWorld(Population):
 
     def state_bytes(self, extra: dict[str, Any] | None = None) -> bytes:
         """Return the whole state, as `save` does, and go on as before. ``extra``: what is saved with it."""
+        return self._whole(self.snapshot(), extra).to_bytes()
+
+    def _saved(self, extra: dict[str, Any] | None = None) -> bytes:
+        """Return the whole state as other worlds take it over."""
+        return self._whole(self.snapshot().rounded(), extra).to_bytes()
+
+    def _whole(self, snapshot: Snapshot, extra: dict[str, Any] | None) -> WorldState:
+        """Return the whole state, with a snapshot of its bodies."""
         self.ground.check_soil()
         soil, contacts, slots = self.ground.soil, self.ground.contacts, self._own_slots()
         return WorldState(
-            snapshot=self.snapshot(),
+            snapshot=snapshot,
             terrain=self.terrain,
             soil=None if soil is None else soil.state(),
             tile=self.ground.tile_of_soil,
@@ -87,7 +95,7 @@ class SavedWorld(Population):
             memory=contacts.memory(slots),
             falls=self.falls.checked,
             extra=extra or {},
-        ).to_bytes()
+        )
 
     def save(self, file: str | os.PathLike[str] | None = None, *, extra: dict[str, Any] | None = None) -> bytes:
         """Return the whole state, and write it to a ``file`` unless it is None.
@@ -99,7 +107,7 @@ class SavedWorld(Population):
         before, carriers of decks without the acceleration before,
         and what slept wakes, and sleeps again after a few steps. Raises `InputError` if the file cannot be written.
         """
-        data = self.state_bytes(extra)
+        data = self._saved(extra)
         if file is not None:
             state_file.write(data, file)
         self.restore(data)

@@ -8,11 +8,12 @@ that it returns, and `World.restore` builds another in the same way: the two wor
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from smartmesh_ros.ground.config import PhysicsConfig, SleepConfig
 from smartmesh_ros.ground.followers import Belt
+from smartmesh_ros.ground.quaternions import rounded
 from smartmesh_ros.ground.shapes import SHAPES, Hull, Solid
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain import state_file
@@ -52,10 +53,18 @@ class Snapshot:
     time: float
     bodies: tuple[BodySnapshot, ...]
 
+    def rounded(self) -> Snapshot:
+        """Return the snapshot with rounded orientations, as a world that is restored from it gives them back."""
+        return replace(self, bodies=tuple(_rounded(body) for body in self.bodies))
+
     @property
     def hash(self) -> str:
         """Digest of all numbers: equal if and only if two worlds are in the same state."""
         return hashlib.sha256(state_file.to_bytes("Snapshot", self)).hexdigest()
+
+
+def _rounded(body: BodySnapshot) -> BodySnapshot:
+    return replace(body, state=replace(body.state, orientation=rounded(body.state.orientation)))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -54,7 +54,6 @@ class World(SavedWorld):
         self._terrain = Terrain() if terrain is None else Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
         self.watchers: list[StepWatcher] = []
-        self._spare = []
         self._rescues = 0  # of the grounds before `restore`
         self.carried: dict[str, Carrier] = {}
         self.lost: dict[str, str] = {}  # why bodies were removed, by name; readers may clear it
@@ -78,7 +77,7 @@ class World(SavedWorld):
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy of the world, or one in another process, is made of: its whole state."""
-        return {"state": self.state_bytes()}
+        return {"state": self._saved()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make a world that evolves as one restored from the state."""
@@ -110,10 +109,8 @@ class World(SavedWorld):
 
     def close(self) -> None:
         """Disconnect from PyBullet."""
-        for client in (self.client, *self._spare):
-            if client.isConnected():
-                client.disconnect()
-        self._spare.clear()
+        if self.client.isConnected():
+            self.client.disconnect()
 
     def update(self) -> None:
         """Do what a step does before physics, see `Ground.update`. Call it while no steps are taken."""

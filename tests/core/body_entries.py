@@ -31,6 +31,11 @@ def bodies() -> Arguments:
     return {"shapes": shapes, "states": states, "slots": np.arange(BODIES)}
 
 
+def lower_surface(poses: Any, up: Any, points: Any) -> Any:
+    surface = CORE.LowerSurface(bodies()["shapes"])
+    return surface.bounds(poses), surface.lowest(poses, up), surface.heights(poses, points)
+
+
 def grid() -> Any:
     """A map 1 m above the bodies."""
     motion = MotionConfig(changes="correction")
@@ -94,6 +99,10 @@ ENTRIES = {
         rows=("gone",), within=OF_SLOTS),
     "distances_outside": Entry(
         CORE.distances_outside, lambda: {"kept": np.eye(3), "points": np.ones((4, 3))}, rows=("kept", "points"),
+    ),
+    "LowerSurface": Entry(
+        lower_surface, lambda: {"poses": zeros(7, BODIES), "up": zeros(3, 4), "points": zeros(2, 5)},
+        rows=("up", "points"),
     ),
     "BodyShape.hull": Entry(BodyShape.hull, lambda: {"points": TETRAHEDRON}, rows=("points",)),
     "first_fault": Entry(CORE.first_fault, faults),

@@ -19,6 +19,14 @@ HULL_MARGIN = 1e-3
 FLOOR = Box(100.0, 100.0, 100.0)  # whose top is at zero
 
 
+def test_a_hull_tells_its_vertices_about_the_middle_of_its_bounds() -> None:
+    points = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 4.0]])
+    hull = BodyShape.hull(points)
+    for shape in (hull, *hull.parts):
+        np.testing.assert_allclose(np.add(shape.vertices, shape.offset), points)
+    assert BodyShape.ball(1.0).vertices.shape == (0, 3)
+
+
 @pytest.mark.parametrize("maximal", [False, True])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_shape_given_is_the_shape_read(client: Any, shape: Any, maximal: bool) -> None:

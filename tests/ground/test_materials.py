@@ -165,6 +165,17 @@ def test_a_ball_on_a_slope_is_held_below_the_coefficient_alone(slope: float, rol
     assert way == pytest.approx(expected, rel=0.03, abs=1e-3)
 
 
+@pytest.mark.parametrize("share", [0.3, 0.65, 0.9])
+def test_a_block_sinks_into_soft_ground_by_more_than_half_of_its_height(share: float) -> None:
+    """It is not below the ground, and nothing lifts it."""
+    stiffness = MASS * GRAVITY / (0.8 * 0.8 * 0.2 * share)
+    with World(flat(Material(stiffness=stiffness, damping=0.3 * stiffness))) as world:
+        world.spawn("block", Box(0.8, 0.8, 0.2), MASS, BodyState((0.0, 0.0, 0.1)))
+        world.step(1200)
+        assert 0.1 - world.state("block").position[2] == pytest.approx(0.2 * share, rel=0.02)
+        assert world.rescues == 0 and not world.below_ground()
+
+
 def test_a_mat_beside_hard_ground() -> None:
     """Stiffness by place, NaN = rigid; what sleeps there wakes as it is laid."""
     with World(flat(Material())) as world:

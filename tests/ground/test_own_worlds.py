@@ -1,6 +1,7 @@
 """Grounds in PyBullet worlds of a user's own: bodies as PyBullet makes and changes them, and grounds that end."""
 
 import gc
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -36,9 +37,37 @@ def test_a_body_that_got_its_mass_after_it_was_attached_is_lifted_out_of_the_gro
     assert height(client, ball) == pytest.approx(0.2, abs=1e-3) and ground.rescues == 1
 
 
+@pytest.mark.parametrize("how", ["mask", "pair"])
+def test_a_body_that_pybullet_keeps_from_the_ground_falls_through_it(client: Any, how: str) -> None:
+    ball = put(client, BALL, (0.0, 0.0, 0.2))
+    ground = ground_of(client, level(), ball)
+    run(ground, 10)
+    if how == "mask":
+        client.setCollisionFilterGroupMask(ball, -1, 0, 0)
+    else:
+        [proxy] = {contact[2] for contact in client.getContactPoints(ball)}
+        client.setCollisionFilterPair(ball, proxy, -1, -1, 0)
+    run(ground, 240)
+    assert height(client, ball) < -4.0 and ground.rescues == 0
+
+
 def test_what_is_not_attached_is_not_asleep(client: Any) -> None:
     ground = ground_of(client, level())
     assert not ground.is_asleep(put(client, BALL, (0.0, 0.0, 0.3))) and not ground.is_asleep(99)
+
+
+def test_a_ground_whose_client_was_reset_refuses_what_needs_it_and_says_why(client: Any) -> None:
+    ground = ground_of(client, level(), put(client, BALL, (0.0, 0.0, 0.3)))
+    client.resetSimulation()
+    ball = put(client, BALL, (0.0, 0.0, 0.3))
+    asked: tuple[Callable[[], object], ...] = (
+        lambda: ground.attach(ball), lambda: ground.step(0.0, 1.0 / 240.0), lambda: ground.clock,
+        lambda: ground.rescues, lambda: ground.is_asleep(0), lambda: ground.find_patches(0.0),
+    )  # fmt: skip
+    for ask in asked:
+        with pytest.raises(InputError, match="was reset or closed: close this ground, and make another"):
+            ask()
+    assert client.getNumBodies() == 1
 
 
 def test_a_ground_that_was_dropped_leaves_nothing_in_the_way_of_bodies_and_rays(client: Any) -> None:

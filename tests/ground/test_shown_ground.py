@@ -1,6 +1,7 @@
 """The ground in PyBullet's pictures and for its rays: where it is, what it looks like, and that nothing touches it."""
 
 import math
+import tracemalloc
 from typing import Any
 
 import numpy as np
@@ -105,6 +106,19 @@ def test_pictures_show_holes_and_the_colours_of_friction(client: Any) -> None:
         x, y = (geometry.to_world(row, column) - geometry.to_world(25.0, 30.0)) / per_pixel
         assert seen[round(119.5 - y), round(159.5 + x)] == value
     assert not (seen == OTHER).any()
+
+
+def test_pictures_of_friction_that_changes_are_kept_by_pybullet_alone(client: Any) -> None:
+    rng, heightmap = np.random.default_rng(1), HeightMap(np.zeros((100, 100)), resolution=0.1)
+    ground = Ground(client, heightmap)
+    ground.show()
+    tracemalloc.start()
+    for number in range(1, 21):  # pictures of 30 kB
+        heightmap.replace(np.zeros((100, 100)), time=0.1 * number, friction=rng.choice([0.1, 1.0], (100, 100)))
+        ground.update(0.1 * number, DT)
+    kept, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert kept < 300_000
 
 
 def close_up(client: Any, renderer: int) -> set[int]:

@@ -10,6 +10,7 @@ from smartmesh_msgs.msg import BodySpecification, HeightmapUpdate
 from smartmesh_msgs.srv import SpawnBodies, SpawnBody
 from std_srvs.srv import Trigger
 
+from smartmesh_ros import BodyState, Sphere
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import floats, heightmap_message, pose_message
 from smartmesh_ros.tools.testing.replaying import replayed
@@ -35,6 +36,20 @@ def test_a_body_that_falls_beside_the_ground_is_named_once_removed_and_back_afte
         assert "[WARN]" in said and "falls: there is no ground there" in said
         assert run.call("reset", Trigger.Request()).success
         assert run.world.bodies.keys() == {"outside"}
+
+
+def test_of_bodies_that_were_lost_the_last_ones_and_those_of_the_scene_are_known() -> None:
+    with fed({"bodies.spawn": ["{id: first, shape: sphere, size: [0.2], xyz: [1.0, 1.0, 0.5]}"]}) as node:
+        node.give("heightmap", heightmap_message(np.zeros((30, 30))))
+        for number in range(40):
+            [body] = node.world.bodies.values()
+            node.world.client.resetBasePositionAndOrientation(body.uid, (1e9, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+            node.run(2)
+            node.world.spawn(f"body {number}", Sphere(0.1), 1.0, BodyState((2.0, 2.0, 0.5)))
+        assert node.node.session.lost.keys() == {"first", *(f"body {number}" for number in range(23, 39))}
+        node.node.reset()
+        node.node.turn()
+        assert node.world.bodies.keys() == {"first", "body 39"}
 
 
 def test_a_body_that_is_spawned_below_the_ground_is_told_where_it_starts() -> None:

@@ -4,6 +4,7 @@ import math
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,12 @@ import numpy as np
 import pytest
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.quaternions import X, Y, Z, about, product
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.trimesh import grid_triangles
 from smartmesh_ros.tools.client import Patch, write_field
 from smartmesh_ros.tools.testing import TIMEOUT, Probe
+from tests.bodies import rotation
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed; scripts/workspace run dev view studies")
 
@@ -70,6 +73,21 @@ def test_a_field_is_the_surface_of_its_patch(level: float) -> None:
         distance = mujoco.mj_rayHfield(model, data, int(geom), at, np.array([0.0, 0.0, -1.0]), np.zeros(3))
         expected = level + flat.at([[own_x, own_y]], 0.0).heights[0]
         assert at[2] - distance == pytest.approx(expected, abs=2e-5)
+
+
+@pytest.mark.parametrize("roll", [0.0, 0.2, 0.5])
+def test_a_field_is_the_surface_of_a_deck_that_rolls_and_pitches(roll: float) -> None:
+    turn = rotation(np.array(product(product(about(Z, 0.4), about(Y, 0.7 * roll)), about(X, roll))))
+    patch = patch_of(np.zeros((9, 9)))
+    vertices = patch.vertices_w @ turn.T + (3.0, -2.0, 1.0)
+    model, data = simulator()
+    write_field(model, data, "ground", replace(patch, vertices_w=vertices))
+    mujoco.mj_forward(model, data)
+    [geom] = np.flatnonzero(model.geom_bodyid == model.body("ground").id)
+    for own in np.random.default_rng(3).uniform(0.01, 0.79, (50, 2)):
+        at = turn @ (*own, 0.0) + (3.0, -2.0, 6.0)
+        distance = mujoco.mj_rayHfield(model, data, int(geom), at, np.array([0.0, 0.0, -1.0]), np.zeros(3))
+        assert distance == pytest.approx(5.0, abs=2e-5)
 
 
 @pytest.mark.parametrize("level", [-3.0, 300.0])

@@ -5,12 +5,10 @@ import os
 import tempfile
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pybullet_data
 import pytest
-from pybullet_utils.bullet_client import BulletClient
 from shape_msgs.msg import SolidPrimitive
 from simulation_interfaces.msg import Result
 from simulation_interfaces.srv import SpawnEntity
@@ -26,8 +24,7 @@ from std_msgs.msg import String
 
 from smartmesh_ros import BodyState
 from smartmesh_ros.node.services.files import allowed_folders
-from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
-from smartmesh_ros.world import population
+from smartmesh_ros.tools.testing import Probe, pose_message
 from tests.node.shared import BALL, LATCHED, Logged, body_names, box, fed, on_level, refusals, show_level_ground, spawn
 from tests.urdfs import ROVER, joint, link, robot
 
@@ -130,25 +127,6 @@ def test_the_physics_steps_while_a_robot_is_prepared_and_put_onto_the_ground(sha
     before = len(states := shared.received[shared.topic("body_states")])
     spawn(shared, "robot", (5.0, 5.0, 0.0), urdf=robot(*links, *joints), on_ground=True)
     assert len(states) - before > 5
-
-
-def test_robots_of_a_burst_are_measured_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In one PyBullet beside that of the world, of 30 MB: hundreds of them would end the process."""
-    made: list[BulletClient] = []
-
-    def client(*options: Any) -> BulletClient:
-        made.append(BulletClient(*options))
-        return made[-1]
-
-    names = [f"robot_{k}" for k in range(4)]
-    entries = [f"{{id: {name}, urdf: {ROVER}, xy: [{2 * k + 1}, 2.0]}}" for k, name in enumerate(names)]
-    with fed({"bodies.spawn": entries}) as node:
-        monkeypatch.setattr(population, "BulletClient", client)
-        node.give("heightmap", heightmap_message(np.zeros((100, 100))))
-        while node.node.turn():
-            pass
-        assert [*node.world.bodies] == names and len(made) == 1
-        assert not node.node.refusals.counts
 
 
 def test_every_body_is_described_while_it_is_there() -> None:

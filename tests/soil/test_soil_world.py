@@ -52,7 +52,7 @@ def test_a_sliding_box_is_held_by_the_shear_strength() -> None:
 
 def test_what_sleeps_on_hard_soil_sinks_when_soft_soil_lies_there() -> None:
     """By an assignment to the map, and by a map that scrolled: its soils stay with the ground. Kinds that are not there
-    count as the last, and a map that says none has the first."""
+    count as the last, also in a saved state, and a map that says none has the first."""
     for scrolls, kind in ((False, 200), (True, 1)):
         with World(HeightMap(FLAT, resolution=0.04)) as world:
             world.spawn("box", Box(0.2, 0.2, 0.2), 20.0, BodyState((2.0, 2.0, 0.1)))
@@ -61,6 +61,7 @@ def test_what_sleeps_on_hard_soil_sinks_when_soft_soil_lies_there() -> None:
             world.step(480)
             assert world.is_asleep("box")
             assert world.state("box").position[2] == pytest.approx(0.1, abs=1e-3)
+            world.restore(world.save())
             if scrolls:
                 world.terrain.put("", HeightMap(FLAT, resolution=0.04, origin=(0.4, 0.0), time=world.time))
                 world.ground.set_soil(Soil(world.terrain, ["lunar", "clay"]))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from smartmesh_ros import GridGeometry, HeightMap, HeightScan, InputError, Material, MotionConfig
+from smartmesh_ros import Deck, GridGeometry, HeightMap, HeightScan, InputError, Material, MotionConfig, Terrain
 from smartmesh_ros.io.rasters import RasterConfig, from_grid_map, occupancy_heights
 from smartmesh_ros.terrain.surface_query import checked_points, checked_rays
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
@@ -179,6 +179,18 @@ def test_a_number_of_numpy_is_a_number(number: Any) -> None:
     assert heightmap.noise == 0.5 and heightmap.friction == 0.25
     scan = HeightScan.of("isaac_lab", spacing=number, size=np.ones(2), seed=np.int32(3))
     assert (scan.spacing, scan.size, scan.seed) == (0.25, (1.0, 1.0), 3)
+
+
+def test_tiles_and_decks_are_put_and_not_assigned() -> None:
+    """An assignment would reach questions and no contacts."""
+    terrain = Terrain(flat())
+    terrain.put("deck", Deck(flat()))
+    for known in (terrain.tiles, terrain.decks, terrain.deck("deck").tiles):
+        with pytest.raises(TypeError):
+            known["other"] = flat()  # type: ignore[index]
+        assert len(known) == 1
+    copy = pickle.loads(pickle.dumps(terrain))
+    assert copy.tiles.keys() == {""} and copy.decks.keys() == {"deck"}
 
 
 def test_triangles_may_lie_in_memory_in_any_order() -> None:

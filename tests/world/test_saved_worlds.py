@@ -35,6 +35,25 @@ def test_worlds_saved_at_random_steps_go_on_to_the_bit_in_a_new_process(tmp_path
     assert restored == {seed: digest for seed, (_, digest) in runs.items()}
 
 
+def test_a_restored_world_is_saved_as_it_was() -> None:
+    """However bodies are turned, half turns about diagonals among them."""
+    turns = np.vstack([np.random.default_rng(4).normal(size=(8, 4)), [[-1, 0, 1, 0], [1, -1, 0, 0], [1, 1, 1, 1]]])
+    with World(terrain_of(a=level(41, 0.05))) as made:
+        for number, turn in enumerate(turns):
+            x, y, z, w = (turn / np.linalg.norm(turn)).tolist()
+            state = BodyState((0.3 * number - 1.5, 0.5, 1.0), (x, y, z, w), (0.0, 0.1, 0.0), (1.0, 2.0, 3.0))
+            made.spawn(f"box {number}", Box(0.2, 0.1, 0.05), 1.0, state)
+            made.track(f"tracked {number}", Box(0.2, 0.1, 0.05), replace(state, position=(0.3 * number, -1.0, 1.0)))
+            made.spawn_robot(f"rover {number}", ROVER, replace(state, position=(0.0, 1.5, 1.0 + number)))
+        for steps in (0, 20):
+            made.step(steps)
+            data = made.save()
+            assert made.save() == data
+            with World() as other:
+                other.restore(data)
+                assert other.save() == data
+
+
 @pytest.fixture(scope="module")
 def world() -> Iterator[World]:
     """Bodies, a robot and soil on two tiles, one of which moves, after half a second."""

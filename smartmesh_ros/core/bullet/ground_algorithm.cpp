@@ -37,7 +37,8 @@ class GroundAlgorithm final : public btCollisionAlgorithm {
     result->setPersistentManifold(manifold_);
     bool found = false;
     world_->guarded([&] {
-      world_->touch(body, ground, *manifold_, info.m_timeStep);
+      // A query before the world's first step has no time step.
+      world_->touch(body, ground, *manifold_, info.m_timeStep > 0.0 ? info.m_timeStep : world_->duration);
       found = true;
     });
     if (!found) manifold_->setNumContacts(0);

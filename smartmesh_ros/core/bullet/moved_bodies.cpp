@@ -119,7 +119,8 @@ void BulletWorld::move_with_corrections() {
   }
 }
 
-// What has a part above the ground is not below it: it may stand astride.
+// What has a part above the ground is not below it: it may stand astride. In ground that gives a part is above it as
+// long as any point of the body is.
 GroundPoint BulletWorld::ground_above_all_parts(int slot, GroundReader& reader) const {
   const Slot& it = slots_[slot];
   const Pose pose = from_bullet(it.object->getWorldTransform());
@@ -129,6 +130,10 @@ GroundPoint BulletWorld::ground_above_all_parts(int slot, GroundReader& reader) 
     if (std::isnan(ground.height)) return ground;
     if (ground.height > highest.height) highest = ground;
   }
+  const BodyPose at = body_pose(it.object->getWorldTransform());
+  if (terrain->has_material() && -it.body_shape->lowest(at, {0.0, 0.0, -1.0}) > highest.height &&
+      terrain->material(at.at.x, at.at.y, time).gives())
+    return {std::numeric_limits<double>::quiet_NaN(), {}};
   return highest;
 }
 
@@ -153,6 +158,13 @@ std::vector<int> BulletWorld::find_nowhere(double farthest) const {
   return found;
 }
 
+// Returns true if PyBullet's groups and masks, or a filter of the pair, keep a body and its ground apart.
+bool BulletWorld::is_kept_from_ground(const Slot& slot) const {
+  const btOverlapFilterCallback* filter = world_->getPairCache()->getOverlapFilterCallback();
+  return filter != nullptr && slot.ground != nullptr &&
+         !filter->needBroadphaseCollision(slot.object->getBroadphaseHandle(), slot.ground->getBroadphaseHandle());
+}
+
 // Bodies that were spawned or teleported below the ground, covered by a map, or pushed there by another body.
 void BulletWorld::lift_bodies() {
   if (maybe_below_.empty()) return;
@@ -163,7 +175,7 @@ void BulletWorld::lift_bodies() {
   std::map<int, Lift> lifts;  // robots as a whole, by the largest lift of their links
   GroundReader reader = terrain->reader(time, INSTANT);
   for (int k : maybe_below_) {
-    if (slots_[k].object == nullptr) continue;
+    if (slots_[k].object == nullptr || is_kept_from_ground(slots_[k])) continue;
     const GroundPoint ground = ground_above_all_parts(k, reader);
     if (std::isnan(ground.height)) continue;
     const BodyPose pose = body_pose(slots_[k].object->getWorldTransform());

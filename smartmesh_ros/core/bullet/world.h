@@ -182,6 +182,7 @@ class BulletWorld {
   void place(Slot& slot);
   GroundPoint ground_above_all_parts(int slot, GroundReader& reader) const;
   void move_with_corrections();
+  bool is_kept_from_ground(const Slot& slot) const;
   void lift_bodies();
   void lift_body(int body, double by, const Vec3& ground);
   // Returns true for the slots that have contacts with the ground.

@@ -4,8 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "shape/line_inside.h"
-
 namespace smartmesh {
 
 namespace {
@@ -85,39 +83,13 @@ Rectangle around_part(const Convex& shape, const Plane& plane) {
   return around;
 }
 
-// Returns how deep a shape goes below a point along a direction [m], both in its frame; zero if it does not.
-double depth_below(const Convex& shape, const Vec3& point, const Vec3& direction) {
-  const LineInside all{point, direction};
-  double first = INFINITE;
-  const auto join = [&](const LineInside& part) {
-    if (part.is_somewhere()) first = std::min(first, part.first);
-  };
-  if (!shape.core.faces.empty() || shape.kind == ShapeKind::Cylinder || shape.kind == ShapeKind::Capsule) {
-    LineInside part = all;
-    for (const PolyFace& face : shape.core.faces) part.clip(face.normal, face.offset + shape.rounding);
-    if (shape.core.faces.empty()) {
-      part.clip({0.0, 0.0, 1.0}, shape.half.z), part.clip({0.0, 0.0, -1.0}, shape.half.z);
-      part.cut({}, shape.half.x + shape.rounding, true);
-    }
-    join(part);
-  }
-  if (shape.core.faces.empty() && shape.rounding > 0.0) {  // the ends of balls and capsules
-    for (const Vec3& end : shape.core.vertices) {
-      LineInside part = all;
-      part.cut(end, shape.rounding, false);
-      join(part);
-    }
-  }
-  return std::max(0.0, -first);
-}
-
 // A row of a rectangle: points at `start` + t `along`, t from 0 to 1.
 struct Row {
   const Convex& shape;
   Vec3 start, along, normal;
 
   Vec3 at(double t) const { return start + along * t; }
-  double depth(double t) const { return depth_below(shape, at(t), normal); }
+  double depth(double t) const { return std::max(0.0, -first_inside(shape, at(t), normal)); }
   // Returns where the shape ends between a place below it and one beside it.
   double end(double inside, double beside) const {
     for (int k = 0; k < HALVINGS; ++k) {

@@ -8,6 +8,7 @@
 #include "python/tables.h"
 #include "shape/body_shape.h"
 #include "shape/hull_distance.h"
+#include "shape/lower_surface.h"
 #include "step/step_lock.h"
 
 namespace smartmesh {
@@ -68,6 +69,39 @@ auto distances_outside(const Doubles2& kept, const Doubles2& points) {
   return array_of<double, 1>(found, {found.size()});
 }
 
+const BodyPose* poses_of(const LowerSurface& surface, const Doubles2& poses) {
+  if (poses.shape(0) != surface.size()) throw std::invalid_argument("each shape needs a pose");
+  return records_of<BodyPose>(poses, "poses");
+}
+
+// Returns the lowest and the highest corner (2, 3) of the box around the parts [m].
+NewTable bounds_at(const LowerSurface& surface, const Doubles2& poses) {
+  const Bounds bounds = surface.bounds(poses_of(surface, poses));
+  return array_of<double, 2>({bounds.low.x, bounds.low.y, bounds.low.z, bounds.high.x, bounds.high.y, bounds.high.z},
+                             {2, 3});
+}
+
+// Returns the lowest points (n * parts, 3) [m] along unit vectors (n, 3).
+NewTable lowest_points(const LowerSurface& surface, const Doubles2& poses, const Doubles2& up) {
+  const BodyPose* placed = poses_of(surface, poses);
+  const Vec3* first = records_of<Vec3>(up, "up");
+  std::vector<Vec3> points;
+  for (std::size_t k = 0; k < up.shape(0); ++k) surface.add_lowest(placed, first[k], points);
+  NewTable found = new_array<double, 2>({points.size(), 3});
+  std::copy(points.begin(), points.end(), reinterpret_cast<Vec3*>(found.data()));
+  return found;
+}
+
+// Returns the heights (n,) of the lower surface at points (n, 2) [m], NaN beside it.
+auto lower_heights(const LowerSurface& surface, const Doubles2& poses, const Doubles2& points) {
+  const BodyPose* placed = poses_of(surface, poses);
+  const std::size_t count = points.shape(0);
+  check_table(points, count, 2, "points");
+  auto found = new_array<double, 1>({count});
+  surface.find(placed, points.data(), count, found.data());
+  return found;
+}
+
 }  // namespace
 
 void add_bodies(nb::module_& m) {
@@ -110,7 +144,12 @@ void add_bodies(nb::module_& m) {
                    })
       .def_ro("radius", &BodyShape::radius)
       .def_prop_ro("parts", &parts_of)
-      .def_prop_ro("vertices", &vertices_of);
+      .def_prop_ro("vertices", &vertices_of, nb::rv_policy::automatic);  // a new array is no part of the shape
+  nb::class_<LowerSurface>(m, "LowerSurface")
+      .def(nb::init<const std::vector<BodyShape>&>(), "shapes"_a)
+      .def("bounds", &bounds_at, "poses"_a.noconvert())
+      .def("lowest", &lowest_points, "poses"_a.noconvert(), "up"_a.noconvert())
+      .def("heights", &lower_heights, "poses"_a.noconvert(), "points"_a.noconvert());
   m.def("shapes_of", &shapes_of, "number"_a, "body"_a);
   m.def("distances_outside", &distances_outside, "kept"_a.noconvert(), "points"_a.noconvert());
 }

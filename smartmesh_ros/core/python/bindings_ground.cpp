@@ -15,6 +15,13 @@ namespace {
 
 constexpr int MOST_SLOTS = 1 << 24;
 
+// Raises the package's `InputError`.
+[[noreturn]] void refuse(const char* reason, const char* message) {
+  const nb::object type = nb::module_::import_("smartmesh_ros.errors").attr("InputError");
+  PyErr_SetObject(type.ptr(), type(reason, message).ptr());
+  throw nb::python_error();
+}
+
 // A world that takes no step meanwhile.
 struct HeldWorld {
   StepLock lock;
@@ -31,8 +38,8 @@ struct Ground {
 
   explicit Ground(int of) : number(of) {
     const HeldWorld found{{}, world_of(number)};
-    if (found.world == nullptr) throw std::runtime_error("the PyBullet client of this ground is disconnected");
-    if (found->owned) throw std::runtime_error("this PyBullet client has a ground already; close that one first");
+    if (found.world == nullptr) refuse("client", "the PyBullet client of this ground is disconnected");
+    if (found->owned) refuse("client", "this PyBullet client has a ground already; close that one first");
     found->owned = true;
     found->time = 0.0;
     of_world = found->worlds();
@@ -56,7 +63,7 @@ struct Ground {
   HeldWorld world() const {
     HeldWorld found = find_world();
     if (found.world == nullptr)
-      throw std::runtime_error("the PyBullet client was reset or closed: close this ground, and make another");
+      refuse("client", "the PyBullet client was reset or closed: close this ground, and make another");
     return found;
   }
   // Returns what failed in the steps since the last call, empty if nothing did.

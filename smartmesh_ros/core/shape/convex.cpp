@@ -144,6 +144,31 @@ bool is_passed(const Convex& shape, const Vec3& p, const Vec3& q) {
   return part.is_somewhere();
 }
 
+double first_inside(const Convex& shape, const Vec3& p, const Vec3& u) {
+  const LineInside all{p, u};
+  double first = FAR_ALONG;
+  const auto join = [&](const LineInside& part) {
+    if (part.is_somewhere()) first = std::min(first, part.first);
+  };
+  if (!shape.core.faces.empty() || shape.kind == ShapeKind::Cylinder || shape.kind == ShapeKind::Capsule) {
+    LineInside part = all;
+    for (const PolyFace& face : shape.core.faces) part.clip(face.normal, face.offset + shape.rounding);
+    if (shape.core.faces.empty()) {
+      part.clip({0.0, 0.0, 1.0}, shape.half.z), part.clip({0.0, 0.0, -1.0}, shape.half.z);
+      part.cut({}, shape.half.x + shape.rounding, true);
+    }
+    join(part);
+  }
+  if (shape.core.faces.empty() && shape.rounding > 0.0) {  // the ends of balls and capsules
+    for (const Vec3& end : shape.core.vertices) {
+      LineInside part = all;
+      part.cut(end, shape.rounding, false);
+      join(part);
+    }
+  }
+  return first;
+}
+
 Convex ball(double radius) {
   Polytope core;
   core.vertices = {{}};

@@ -47,6 +47,10 @@ double lowest(const Convex& shape, const Vec3& n);
 // through a capsule beside its axis. A ball is passed by all.
 bool is_passed(const Convex& shape, const Vec3& p, const Vec3& q);
 
+// Returns where a line p + t u (in the shape's frame) first is in a shape: t, or infinity if the line misses the shape.
+// The edges of a hull are not rounded.
+double first_inside(const Convex& shape, const Vec3& p, const Vec3& u);
+
 Convex ball(double radius);
 Convex capsule(double radius, double half);
 Convex cylinder(double radius, double half);

@@ -16,8 +16,6 @@ from smartmesh_ros.node.session import Session
 
 # A map older than this is stale [s].
 STALE = 2.0
-# Most lost bodies that are named.
-MOST_LOST = 16
 # Most inputs whose stamps are reported.
 MOST_AGES = 32
 # Period of the diagnostics, and of the check for appearing and disappearing publishers [s].
@@ -142,7 +140,7 @@ class Diagnostics:
             "below ground": len(below),
             "falling": len(world.falls.falling),
             "put back onto the ground": world.rescues,
-            **{f"lost, {name}": why for name, why in [*self._session.lost.items()][-MOST_LOST:]},
+            **{f"lost, {name}": why for name, why in self._session.lost.items()},
             **{f"jumps on {topic}": count for topic, count in sorted(self._session.jumps.items())},
         }
         if peers:

@@ -15,7 +15,6 @@ from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.refusals import shortened
 from smartmesh_ros.node.services.initial_bodies import adding
-from smartmesh_ros.node.services.turns import in_turns
 from smartmesh_ros.node.session import REFUSED, Session, require_name
 from smartmesh_ros.world.robots.prepared import PreparedRobot
 
@@ -49,8 +48,7 @@ class BodyServices:
         else:
             what = conversions.shape_of_primitive(body.shape)
         standing = {"on_ground": body.on_ground, "clearance": body.clearance, "align": body.align}
-        parts = adding(session.world, body.id, what, body.mass, state, **standing)
-        add = await in_turns(parts, session.lock, session.standing)
+        add = adding(session.world, body.id, what, body.mass, state, **standing)
 
         def action() -> str:
             session.require_room([body.id])

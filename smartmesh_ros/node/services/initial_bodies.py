@@ -20,11 +20,10 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.parameters.settings import START
 from smartmesh_ros.node.services.body_entries import Entry, entries_from, start_from
 from smartmesh_ros.node.services.files import robot_name, with_package_paths
-from smartmesh_ros.node.services.turns import in_turns
+from smartmesh_ros.node.services.turns import NextTurn
 from smartmesh_ros.node.session import REFUSED, Session
 from smartmesh_ros.node.transport import LATCHED
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
-from smartmesh_ros.world.standing import Parts, finished
 from smartmesh_ros.world.world import World
 
 
@@ -42,17 +41,12 @@ def state_of(world: World, entry: Entry) -> BodyState | None:
 
 def adding(
     world: World, name: str, what: Shape | PreparedRobot, mass: float, state: BodyState, **standing: Any
-) -> Parts[Callable[[], None]]:
-    """Find in parts how a body, or a robot, is added, and return the action that adds it; ``standing``: options of
-    `World.spawn`. The action raises `InputError` if the world refuses the body."""
+) -> Callable[[], None]:
+    """Return the action that adds a body, or a robot; ``standing``: options of `World.spawn`. The action raises
+    `InputError` if the world refuses the body."""
     if isinstance(what, PreparedRobot):
-        add: Callable[[BodyState], None] = partial(world.spawn_robot, name, what)
-    else:
-        add = partial(world.spawn, name, what, mass)
-    if not standing["on_ground"]:
-        return partial(add, state)
-    stance = yield from world.stance_of(name, what, state, align=standing["align"])
-    return lambda: add(stance.on(world.ground_at, standing["clearance"]))
+        return partial(world.spawn_robot, name, what, state, **standing)
+    return partial(world.spawn, name, what, mass, state, **standing)
 
 
 class InitialBodies:
@@ -77,7 +71,7 @@ class InitialBodies:
         Raises `InputError`, and changes nothing, if the body is refused."""
         if entry.urdf and entry.robot is None:
             entry = replace(entry, robot=prepare_robot(with_package_paths(entry.urdf)))
-        spawned = self._spawn(entry, finished(self._adding(entry)))
+        spawned = self._spawn(entry)
         if spawned and entry.xyz is not None and not self._session.world.terrain.empty:
             self._session.start_of(entry.name, BodyState(entry.xyz))
         self.replace(entry)
@@ -114,21 +108,15 @@ class InitialBodies:
         """True while bodies are being put onto the ground."""
         return bool(self._standing)
 
-    def _adding(self, entry: Entry) -> Parts[Callable[[], None] | None]:
-        """Find in parts how the body of an entry is added, as `adding` does; None if the terrain does not cover its
-        place yet."""
+    def _spawn(self, entry: Entry) -> bool:
+        """Spawn the body of an entry. Return False if the terrain does not cover its place yet."""
         world, what = self._session.world, entry.shape or entry.robot
         if what is None or (state := state_of(world, entry)) is None:
-            return None
+            return False
         standing = {"on_ground": entry.on_ground, "clearance": entry.clearance, "align": entry.align}
-        return (yield from adding(world, entry.name, what, entry.mass, state, **standing))
-
-    def _spawn(self, entry: Entry, action: Callable[[], None] | None) -> bool:
-        """Spawn the body of an entry by an action. Return False if there is none."""
-        if action is not None:
-            action()
-            self.starts[entry.name] = self._session.world.base_state(entry.name)
-        return action is not None
+        adding(world, entry.name, what, entry.mass, state, **standing)()
+        self.starts[entry.name] = world.base_state(entry.name)
+        return True
 
     def replace(self, entry: Entry) -> None:
         """Replace the entry of the same name without spawning: its body is in the world already, or waits."""
@@ -143,12 +131,11 @@ class InitialBodies:
             self._session.turns.begin(self._stand(self._entries[name]))
 
     async def _stand(self, entry: Entry) -> None:
-        """Spawn the body of an entry, a robot on the ground in turns, unless there is another scene by then."""
+        """Spawn the body of an entry in the next turn, unless there is another scene by then."""
+        await NextTurn()
         try:
-            session = self._session
-            action = await in_turns(self._adding(entry), session.lock, session.standing)
-            with session.lock:
-                if self._entries.get(entry.name) is entry and not self._spawn(entry, action):
+            with self._session.lock:
+                if self._entries.get(entry.name) is entry and not self._spawn(entry):
                     self._waiting.append(entry.name)
         except REFUSED as error:
             if self._entries.get(entry.name) is entry:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Coroutine, Generator, Iterator
-from contextlib import AbstractContextManager, suppress
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from rclpy.service import Service
-
-Found = TypeVar("Found")
 
 
 @dataclass(frozen=True)
@@ -22,45 +20,6 @@ class NextTurn:
 
     def __await__(self) -> Generator[bool, None, None]:
         yield self.waits
-
-
-class Line:
-    """Work that stands in line: one after another, in the order in which it came."""
-
-    def __init__(self) -> None:
-        self._waiting: deque[object] = deque()
-
-    async def __aenter__(self) -> None:
-        self._waiting.append(place := object())
-        try:
-            while self._waiting[0] is not place:
-                await NextTurn(waits=True)
-        except GeneratorExit:  # the work is given up
-            self._waiting.remove(place)
-            raise
-
-    async def __aexit__(self, *_: object) -> None:
-        self._waiting.popleft()
-
-
-async def in_turns(parts: Generator[None, None, Found], lock: AbstractContextManager[Any], line: Line) -> Found:
-    """Do the parts of some work in a turn each, with the ``lock`` held, and return its result. All but the first part
-    wait in a ``line``, because work that is under way holds memory."""
-
-    def ended() -> bool:
-        with lock:
-            try:
-                next(parts)
-            except StopIteration as end:
-                results.append(end.value)
-        return bool(results)
-
-    results: list[Found] = []
-    if not ended():
-        async with line:
-            while not ended():
-                await NextTurn()
-    return results[0]
 
 
 def parts_of(count: int, size: int) -> Iterator[slice]:

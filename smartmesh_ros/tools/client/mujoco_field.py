@@ -13,11 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.quaternions import quaternion_of
 from smartmesh_ros.tools.client.patch import Patch
 
 # Width of the rim around the patch [samples], at the height of the patch's edge. Raising it keeps bodies that leave the
 # patch while the node stalls from falling for longer.
 RIM = 6
+# Cosine of the angle between rows and columns, seen from above, from which a patch is that of a flat deck that rolls
+# and pitches: its height field tilts with the deck.
+SKEWED = 1e-4
 # mjGEOM_HFIELD: MuJoCo's geom type of height fields.
 GEOM_HFIELD = 1
 # Height to which the field of a patch without any ground is moved [m].
@@ -57,8 +61,14 @@ def write_field(model: Any, data: Any, field: int | str, patch: Patch) -> None:
             f"has room for {found.room}; give it nrow x ncol of {high * wide} or more, 77 x 77 for any body",
         )
     first, last = patch.vertices_w[0], patch.vertices_w[-1]
-    across, down = (patch.vertices_w[1] - first)[:2], (patch.vertices_w[columns] - first)[:2]
-    half_x, half_y = 0.5 * (wide - 1) * math.hypot(*across), 0.5 * (high - 1) * math.hypot(*down)
+    across, down = patch.vertices_w[1] - first, patch.vertices_w[columns] - first
+    middle = 0.5 * (first + last)
+    if abs(across[:2] @ down[:2]) <= SKEWED * math.hypot(*across[:2]) * math.hypot(*down[:2]):
+        across[2] = down[2] = middle[2] = 0.0
+    wide_cell, high_cell = float(np.linalg.norm(across)), float(np.linalg.norm(down))
+    x, y = across / wide_cell, down / high_cell
+    up = np.cross(x, y)
+    half_x, half_y = 0.5 * (wide - 1) * wide_cell, 0.5 * (high - 1) * high_cell
     if half_x > found.half_x or half_y > found.half_y:
         raise InputError(
             "size",
@@ -66,7 +76,7 @@ def write_field(model: Any, data: Any, field: int | str, patch: Patch) -> None:
             f"height field {found.name!r} was compiled for {found.half_x:.3g} x {found.half_y:.3g} m; give it a size "
             "at least as large, because MuJoCo finds no contacts beyond",
         )
-    heights = patch.vertices_w[:, 2].reshape(rows, columns)
+    heights = ((patch.vertices_w - middle) @ up).reshape(rows, columns)
     if np.isnan(heights).all():
         data.mocap_pos[found.mocap, 2] = FAR_BELOW
         return
@@ -75,9 +85,9 @@ def write_field(model: Any, data: Any, field: int | str, patch: Patch) -> None:
     model.hfield_data[at : at + high * wide] = np.pad(shares, RIM, mode="edge").ravel()
     model.hfield_nrow[found.number], model.hfield_ncol[found.number] = high, wide
     model.hfield_size[found.number][:3] = half_x, half_y, found.elevation
-    data.mocap_pos[found.mocap] = 0.5 * (first[0] + last[0]), 0.5 * (first[1] + last[1]), base
-    yaw = math.atan2(across[1], across[0])
-    data.mocap_quat[found.mocap] = math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)
+    data.mocap_pos[found.mocap] = middle + base * up
+    *vector, scalar = quaternion_of(np.column_stack([x, y, up]))
+    data.mocap_quat[found.mocap] = scalar, *vector
 
 
 def _shares(heights: NDArray[np.float64], field: _Field, name: str) -> tuple[NDArray[np.float64], float]:
