@@ -187,7 +187,7 @@ def test_a_fresh_node_goes_on_with_the_bodies_of_the_state_and_no_others() -> No
     """The state knows which bodies of the parameters were removed, and which robot is the description's."""
     places = {"a": 1.0, "b": 2.0, "c": 9.0}
     spawned = [f"{{id: {name}, shape: sphere, size: [0.2], mass: 1.0, xy: [{x}, 2.0]}}" for name, x in places.items()]
-    parameters = {"bodies.spawn": spawned, "robot.start": "{id: rover, xy: [4.0, 4.0]}"}
+    parameters = {"bodies.spawn": spawned, "robot.start": ["{id: rover, xy: [4.0, 4.0]}"]}
     small, large = (("heightmap", 0.0, heightmap_message(np.zeros((60, n)))) for n in (60, 120))
     described = [("robot_description", 0.0, String(data=robot(link(name)))) for name in ("base", "chassis")]
     with replayed([small, described[0]], parameters) as saver, replayed([described[0]], parameters) as fresh:
