@@ -133,6 +133,7 @@ def test_corrected_ground_is_the_one_that_the_node_shows(tmp_path: Path) -> None
         (["flat", "--jobs", "0"], "--jobs is 0"),
         (["flat", "-p", "physics.rats:=0.1"], "did you mean 'physics.rate'?"),
         (["flat", "--preset", "swift"], "there is no preset 'swift'; choose accurate"),
+        (["flat", "--out", "/proc/nowhere"], "nothing can be written in /proc/nowhere"),
         (["nowhere"], "no bag and no scene 'nowhere'; the scenes are crater"),
         (["bag"], "no simulated body stayed over the ground"),
         (["bag", "-r", f"{MAP}:=/maps"], "nothing here is for /terrain_collider"),
@@ -149,6 +150,6 @@ def test_what_cannot_be(
     monkeypatch.setattr(grid, "GRID", {name: (value,) for name, value in KNOWN.items()})
     source, *others = arguments
     given = recorded(tmp_path / "bag") if source == "bag" else source
-    assert cli.main([given, *others, "--out", str(tmp_path / "out")]) == 2
+    assert cli.main([given, "--out", str(tmp_path / "out"), *others]) == 2
     said = capsys.readouterr().err
     assert words in said and "Traceback" not in said
