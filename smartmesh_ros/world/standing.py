@@ -57,6 +57,8 @@ class Stance(NamedTuple):
             raise InputError("geometry", f"clearance is {clearance} m; it must be zero or more")
         x, y, _ = self.state.position
         lifts = ground_at(self.points[:, :2]).z - self.points[:, 2]
+        if np.isnan(lifts).all():
+            raise _no_ground(x, y)
         height = AWAY + float(np.nanmax(lifts)) + clearance
         under = ground_at(np.array([[x, y]]))
         velocity = under.velocities[0] if not np.isnan(under.z[0]) else np.zeros(3)
@@ -154,10 +156,10 @@ def _heights(under: GroundSamples, points: FloatArray) -> GroundSamples:
     """Return the ground under points (n, 2+) [m]; raises `InputError` if there is none under one of them."""
     missing = np.flatnonzero(np.isnan(under.z))
     if missing.size:
-        x, y = points[missing[0], :2].tolist()
-        raise InputError(
-            "no_ground",
-            f"there is no ground at ({x:.3f}, {y:.3f}) m under the body, which is over a hole or beside the map; "
-            "choose another place, or give the body's height",
-        )
+        raise _no_ground(*points[missing[0], :2].tolist())
     return under
+
+
+def _no_ground(x: float, y: float) -> InputError:
+    where = f"there is no ground at ({x:.3f}, {y:.3f}) m under the body, which is over a hole or beside the map"
+    return InputError("no_ground", f"{where}; choose another place, or give the body's height")

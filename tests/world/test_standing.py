@@ -97,6 +97,14 @@ def test_it_moves_with_the_ground() -> None:
         assert world.state("ball").position[2] == pytest.approx(before)
 
 
+def test_ground_that_goes_away_before_a_body_stands_on_it_is_named_as_missing() -> None:
+    with World(HeightMap(np.zeros((50, 50)), resolution=0.1)) as world:
+        stance = finished(world.stance_of("ball", Sphere(0.2), BodyState((2.5, 2.5, 0.0))))
+        world.terrain.put("", HeightMap(np.full((50, 50), np.nan), resolution=0.1))
+        with pytest.raises(InputError, match=r"no ground at \(2.500, 2.500\)"):
+            stance.on(world.ground_at, 0.0)
+
+
 @pytest.mark.parametrize(
     ("place", "words"),
     [

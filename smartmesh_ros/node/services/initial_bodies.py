@@ -151,16 +151,19 @@ class InitialBodies:
                     self._waiting.append(entry.name)
         except REFUSED as error:
             if self._entries.get(entry.name) is entry:
-                self._note(entry.name, error)
+                self._note(entry, error)
         finally:
             self._standing.discard(entry.name)
 
-    def _note(self, name: str, error: Exception) -> None:
-        """Count and log a refusal. What PyBullet failed at is tried again with the next map."""
-        self._session.refusals.add("bodies.spawn", error)
-        self.refused[name] = str(error)
-        if not isinstance(error, InputError):
-            self._waiting.append(name)
+    def _note(self, entry: Entry, error: Exception) -> None:
+        """Count and log a refusal, unless the ground went away meanwhile. Then, and where PyBullet failed, the body
+        waits for the next map."""
+        without_ground = state_of(self._session.world, entry) is None
+        if not without_ground:
+            self._session.refusals.add("bodies.spawn", error)
+            self.refused[entry.name] = str(error)
+        if without_ground or not isinstance(error, InputError):
+            self._waiting.append(entry.name)
 
     def knows(self, name: str) -> bool:
         """Return True if there is an entry of this name, by which its body can be spawned again."""
