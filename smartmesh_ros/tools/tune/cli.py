@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.running import Stop
 from smartmesh_ros.startup.arguments import make_folder
 from smartmesh_ros.tools.replay.cli import INTERRUPTED, ProgressLine, add_node_arguments, ended, rules_of
 from smartmesh_ros.tools.replay.parameters import preset_values, read_parameters
@@ -29,6 +30,8 @@ LIMITS = {"budget": "cost", "penetration": "penetration", "deadline": "longest"}
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Search, and return the exit code: 0 = limits met, 1 = limits not met, 2 = cannot start, 130 = interrupted."""
+    if arguments is None:
+        Stop()  # the first signal raises KeyboardInterrupt; later ones leave the processes the time to end
     try:
         return ended(parser(), arguments, _run, needs="rosbags matplotlib")
     except KeyboardInterrupt:
