@@ -74,7 +74,7 @@ def test_a_node_gives_its_shared_memory_back_when_it_ends(probe: Probe) -> None:
 
 def test_a_process_outlives_the_thread_that_started_it(tmp_path: Path) -> None:
     """For Linux that thread is the parent, with which the process would be killed: of a pool, or of a test's own."""
-    code = "import signal; signal.pthread_sigmask(signal.SIG_BLOCK, [2]); print('ready', flush=True); signal.sigwait([2])"
+    code = "import signal as s; s.pthread_sigmask(s.SIG_BLOCK, [2]); print('ready', flush=True); s.sigwait([2])"
     file = tmp_path / "log"
 
     def started() -> subprocess.Popen[bytes]:

@@ -91,7 +91,7 @@ def _run(options: argparse.Namespace) -> int:
     bag, names, line = Bag(options.bag), Names(rules=rules_of(options.remap)), ProgressLine()
     parameters = read_parameters(options.params_file, options.param, names.node)
     file = None if options.output is None else new_file(options.output)
-    if file is not None and file.path.exists() and bag.path.resolve() in (there := file.path.resolve(), there.parent):
+    if file is not None and file.path.exists() and bag.path.resolve() in (place := file.path.resolve(), place.parent):
         raise InputError("file", f"-o {file.path} is the bag itself, or one of its files; name another file")
     wanted = options.topics and {names.full(topic) for topic in options.topics}
 
