@@ -88,6 +88,8 @@ def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(tmp_path: Path
             (SaveState, {"file": str(tmp_path / "state.txt")}, "does not end in .npz"),
             (SaveState, {"file": str(other)}, "is no saved state; choose another name"),
             (SaveState, {"file": str(tmp_path / "no folder" / "s.npz")}, "cannot be saved"),
+            (SaveState, {"file": str(other / "s.npz")}, "cannot be saved"),
+            (SaveState, {"file": str(tmp_path / f"{'n' * 300}.npz")}, "cannot be saved"),
         ]
         for kind, fields, words in asked:
             service = "save_state" if kind is SaveState else "restore_state"
