@@ -8,7 +8,6 @@ import re
 import signal
 import sys
 import tempfile
-import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -26,6 +25,7 @@ from rclpy.utilities import try_shutdown
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.declaring import warn_of_unused_overrides
+from smartmesh_ros.node.refusals import unexpected
 
 # Longest wait for messages before signals are checked and ``idle()`` is called, because ``/clock`` may stand still [s].
 LONGEST_WAIT = 0.1
@@ -164,6 +164,4 @@ def _handle(executor: Executor, node: Any, seconds: float) -> None:
     try:
         executor.spin_once(timeout_sec=seconds)
     except Exception as error:  # noqa: BLE001  # no peer may stop the node, and rclpy's errors have no common base
-        where = traceback.extract_tb(error.__traceback__)[-1]
-        reason = f"{type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})"
-        node.refusals.add("rclpy", InputError("malformed", reason))
+        node.refusals.add("rclpy", unexpected(error, "malformed"))

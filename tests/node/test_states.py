@@ -104,6 +104,23 @@ def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(tmp_path: Path
         assert [(name, run.world.state(name)) for name in run.world.bodies] == before
 
 
+def test_an_error_that_nobody_expects_is_the_answer_and_the_node_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the first turn of a call, and in a later one."""
+    ball = SpawnBody.Request(id="other", shape=BALL, mass=1.0, pose=pose_message((5.0, 5.0, 0.0)), on_ground=True)
+    with paused() as run:
+        for part, service, request in (
+            ("world.World.save", "save_state", SaveState.Request()), ("standing.Stance.on", "spawn_body", ball),
+        ):  # fmt: skip
+            monkeypatch.setattr(f"smartmesh_ros.world.{part}", failing)
+            answer = run.call(service, request)
+            assert not answer.success and answer.message.startswith("ZeroDivisionError: the moon (test_states.py:")
+            step(run)
+
+
+def failing(*_: Any, **__: Any) -> None:
+    raise ZeroDivisionError("the moon")
+
+
 def test_episodes_are_equal_to_the_bit() -> None:
     found = []
     with paused() as run:
