@@ -9,6 +9,7 @@ import pybullet as pb
 import pytest
 
 from smartmesh_ros import Ground, Sphere
+from smartmesh_ros.errors import InputError
 from tests.bodies import ground_of, height, put, run
 from tests.grounds import level
 from tests.memory import allocated
