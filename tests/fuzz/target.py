@@ -158,6 +158,8 @@ class Target:
                 return "raised in rclpy"
             raise
         serialize_message(response)
+        failed = [key for key in self.node.refusals.counts if key.endswith(": failed")]
+        assert not failed, f"an unexpected error was the answer: {response}"
         success = getattr(response, "success", True)
         if name == "save_state" and success:
             self.saved = response.state
