@@ -41,8 +41,8 @@ prepare:  ## environment and install/ only
 fleet:  ## four nodes on one terrain whose bodies meet, until Ctrl-C; ARGS="--nodes 2 --bodies 50 --seconds 20"
 	@$(RUN) -- install/smartmesh_ros/lib/smartmesh_ros/smartmesh-fleet $(ARGS)
 
-fleet-study:  ## how many bodies fleets carry in real time (about eight minutes; ARGS=--quick: one)
-	@$(RUN) load -- $(STUDIES) fleet $(ARGS)
+fleet-study:  ## how many bodies fleets carry in real time (about eight minutes)
+	@$(RUN) load -- $(STUDIES) fleet
 
 bench:  ## running times against the report's tables
 	@$(RUN) studies -- $(STUDIES) bench
@@ -53,8 +53,8 @@ studies:  ## speed against accuracy, and the stability matrix (about 30 minutes;
 laws:  ## laws of contact, and how far runs drift apart, in each engine (about four minutes)
 	@$(RUN) studies -- $(STUDIES) laws
 
-records:  ## terrain tax, touchdown and size of cells, beside other engines (about four minutes; ARGS=--quick: one)
-	@$(RUN) studies -- $(STUDIES) records $(ARGS)
+records:  ## terrain tax, touchdown and size of cells, beside other engines (about four minutes)
+	@$(RUN) studies -- $(STUDIES) records
 
 robots:  ## robots on rough and moving ground, beside other engines (about seven minutes; ARGS=--quick: two)
 	@$(RUN) studies -- $(STUDIES) robots $(ARGS)
@@ -68,16 +68,16 @@ friction:  ## boxes slide on ice beside gravel, against v^2 / (2 mu g): docs/ima
 height-scan:  ## what a legged robot's policy observes of moving ground, printed and drawn: out/height_scan.png
 	@$(RUN) -- python -m scripts.height_scan $(ARGS)
 
-rover:  ## a wheeled robot drives an eight on soil and leaves ruts: out/rover.png, out/rover.gif
+rover:  ## a wheeled robot drives an eight on soil and leaves ruts: docs/images/soil/rover.png
 	@$(RUN) studies -- $(STUDIES) rover
 
-tracks:  ## a tracked machine drives, turns on the spot and climbs 20 degrees on soil: out/tracks.png, out/tracks.gif
+tracks:  ## a tracked machine drives, turns on the spot and climbs 20 degrees on soil: docs/images/tracks.png
 	@$(RUN) studies -- $(STUDIES) tracks
 
 soil:  ## soil against closed forms and a measured wheel, and its cost (ARGS="--only boxes" for a part)
 	@$(RUN) studies -- $(STUDIES) soil $(ARGS)
 
-load:  ## the node under load over DDS, about eight minutes; LOAD=--quick for less than two
+load:  ## the node under load over DDS, about eight minutes; LOAD="--only rest" for a table
 	@$(RUN) load -- $(STUDIES) load $(LOAD)
 
 soak:  ## ten minutes of everything changing; SOAK="--minutes 120" for two hours, --document for docs/

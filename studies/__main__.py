@@ -1,7 +1,5 @@
 """``python -m studies NAME [options]``: the studies of this project, by name."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from importlib import import_module
@@ -14,7 +12,8 @@ STUDIES = {
     "robots": "robots.study", "rover": "soil.rut_pictures:drive_rover", "soil": "soil.study",
     "tracks": "soil.rut_pictures:drive_tracks", "soak": "load.soak", "tuning": "tuning",
 }  # fmt: skip
-PLAIN = ("contacts", "friction", "laws", "lidar", "replay", "rising", "rover", "tracks")  # have no options
+# Those without options.
+PLAIN = ["bench", "contacts", "fleet", "friction", "laws", "lidar", "records", "replay", "rising", "rover", "tracks"]
 
 
 def main() -> None:

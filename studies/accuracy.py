@@ -1,10 +1,8 @@
 """The study of speed against accuracy, and of stability: ``make studies`` runs it whole."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -19,7 +17,7 @@ from studies.contest import FINE_RATE, HORIZON, Contest, Result, Runner, run
 from studies.engines.engine import Engine, EngineBody, Setup, build
 from studies.matrix.arena import METHODS
 from studies.matrix.run import draw_box, draw_matrix, matrix_table, run_matrix
-from studies.running import save_results
+from studies.pages import save
 from studies.tables import Charts, write_blocks
 
 CHARTS = Charts(
@@ -30,26 +28,24 @@ CHARTS = Charts(
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the scenes and the stability matrix; writes JSON, pictures and tables."""
     options = parser().parse_args(arguments)
-    out, machine = CHARTS.begin(options)
-    blocks = {"machine": machine}
+    out = CHARTS.folder(options)
     if not options.charts_only:  # before the charts, whose replaced meshes PyBullet keeps in memory
         outcomes = run_matrix(quick=options.quick, methods=options.methods)
         draw_matrix(CHARTS.images(out) / "stability.png", outcomes)
         real_maps = out / "images" / "real_maps"
         real_maps.mkdir(exist_ok=True)
         draw_box(real_maps / "box.png")
-        save_results(CHARTS.data(out), {"stability": [asdict(outcome) for outcome in outcomes]})
+        save(CHARTS.data(out), {"stability": [outcome.record() for outcome in outcomes]})
         write_blocks(out / "stability.md", {"stability": matrix_table(outcomes)})
     if not options.matrix_only:
         chosen = configurations(quick=options.quick)
         scenes = CHARTS.chosen(options, read_scenes())
         captions = {f"{scene.title} ({scene.bodies.count} bodies)": scene for scene in scenes}
-        results, found = CHARTS.run(out, captions, lambda scene: run_scene(scene, chosen), machine)
+        results, blocks = CHARTS.run(out, captions, lambda scene: run_scene(scene, chosen))
         if README_SCENE in results:
             draw_readme(CHARTS.images(out) / "readme.png", results[README_SCENE])
-        print("\n" + found["summary"])
-        blocks |= found
-    CHARTS.write(out, blocks)
+        print("\n" + blocks["summary"])
+        CHARTS.write(out, blocks)
     return 0
 
 

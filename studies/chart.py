@@ -1,7 +1,5 @@
 """Pictures of cost against accuracy: distance from the ground and deviation from the reference, side by side."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Configurations of the charts: our settings, the report's methods, and other engines."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal

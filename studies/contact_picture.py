@@ -1,7 +1,5 @@
 """``make renders``: how contacts work, in one figure (docs/images/contacts.png). Contacts and curves are the core's."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +69,5 @@ def main() -> None:
     left, right = figure.subplots(1, 2, width_ratios=[1.2, 1.0])
     draw_facets(left)
     draw_motion(right)
-    OUT.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(OUT)
     print(OUT)

@@ -4,8 +4,6 @@ A result is accurate if bodies are near the ground while something holds them up
 alone would reward leaving the ground.
 """
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -22,7 +20,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.measures import BoolArray, held_up, penetration
 from studies.configurations import Configuration, Family
 from studies.engines.engine import Links
-from studies.running import say
+from studies.pages import say
 
 # Step rate of references [Hz], and instant of the comparison with them [s]. A later comparison is meaningless, because
 # repeated contacts make the motion chaotic.
@@ -94,7 +92,7 @@ class Contest(ABC):
         """What is done before each step, not timed."""
 
     @abstractmethod
-    def measure(self, instant: float, runners: Sequence[Runner]) -> None:
+    def measure(self, instant: float, runners: Sequence["Runner"]) -> None:
         """Fill in the samples at an instant [s]: who is below the ground, and after the settling the clearance."""
 
     @abstractmethod

@@ -1,7 +1,5 @@
 """``make friction``: boxes slide on ice beside gravel; docs/images/friction.png shows how far."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

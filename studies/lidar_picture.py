@@ -1,7 +1,5 @@
 """``make renders``: what a lidar on a robot measures of the ground, drawn over the ground; docs/images/lidar.png."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import matplotlib as mpl

@@ -1,21 +1,26 @@
-"""Markdown that studies write: tables, and blocks of pages, each marked with a digest of the code it was measured with.
+"""What studies tell: how far they are, the machine, figures as JSON, and Markdown: tables, and blocks of pages, each
+marked with a digest of the code it was measured with.
 
 A block stands between ``<!-- generated: NAME of SUBJECT, code DIGEST -->`` and ``<!-- end -->``. The subject says which
 rooms the figures depend on. The digest covers the code of these rooms without comments and docstrings, so that better
 words do not make figures stale.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import hashlib
+import json
 import math
+import os
+import platform
 import re
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
+from importlib.metadata import distributions
 from pathlib import Path
-from typing import NamedTuple
+from time import perf_counter
+from typing import Any, NamedTuple
 
 from smartmesh_ros import InputError
 
@@ -49,17 +54,16 @@ def blocks_of(page: Path) -> list[Block]:
     return found
 
 
-def fill(page: Path, blocks: Mapping[str, str], measured: Mapping[str, str] | None = None) -> None:
-    """Replaces blocks of a page by their names and notes the code that they were ``measured`` with, by block; of other
-    blocks the code of today. Raises `InputError` and writes nothing if the page lacks one of them."""
+def fill(page: Path, blocks: Mapping[str, str]) -> None:
+    """Replaces blocks of a page by their names, and notes the code of today. Raises `InputError` and writes nothing if
+    the page lacks one of them."""
     text = page.read_text()
     for name, content in blocks.items():
         found = next((match for match in _MARK.finditer(text) if match["name"] == name), None)
         end = text.find(_END, found.end()) if found else -1
         if found is None or end < 0:
             raise InputError("document", f"{page} has no block <!-- generated: {name} of SUBJECT, code DIGEST -->")
-        code = (measured or {}).get(name) or digest_of(found["subject"])
-        mark = f"<!-- generated: {name} of {found['subject']}, code {code} -->"
+        mark = f"<!-- generated: {name} of {found['subject']}, code {digest_of(found['subject'])} -->"
         text = f"{text[: found.start()]}{mark}\n{content}\n{text[end:]}"
     page.write_text(text)
 
@@ -128,3 +132,38 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A Markdown table; the first column is text, the others are numbers."""
     lines = ["| " + " | ".join(cells) + " |" for cells in (header, *rows)]
     return "\n".join([lines[0], "|---|" + "---:|" * (len(header) - 1), *lines[1:]])
+
+
+PACKAGES = ("numpy", "pybullet", "mujoco", "sapien", "rapier3d", "coal")
+BEGUN = perf_counter()
+
+
+def say(line: str) -> None:
+    """Show a line in place of the one before on the standard error output, behind the time since the start."""
+    print(f"\r\033[K{perf_counter() - BEGUN:5.0f} s  {line}", end="", file=sys.stderr, flush=True)
+
+
+def short(between: str = ", ") -> str:
+    """The machine, by cores and processor, and nothing that identifies it."""
+    file = Path("/proc/cpuinfo")
+    models = re.findall(r"model name\s*: (.*)", file.read_text()) if file.exists() else []
+    return f"{os.cpu_count() or 1} cores{between}{(models or [platform.processor() or platform.machine()])[0]}"
+
+
+def measured_on() -> str:
+    """The machine, and versions of Python and the measured packages, as the beginning of a sentence."""
+    found = {one.name: one.version for one in distributions()}
+    versions = ", ".join(f"{name} {found.get(name, 'not installed')}" for name in PACKAGES)
+    return f"Measured on {short(' of ')}; python {platform.python_version()}, {versions}"
+
+
+def save(path: Path, data: Mapping[str, Any]) -> None:
+    """Write figures as JSON with five digits, what has no records inside in a line; entries of the file that ``data``
+    lacks stay."""
+    exact = json.dumps({**(json.loads(path.read_text()) if path.exists() else {}), **data})
+    text = json.dumps(json.loads(exact, parse_float=lambda figure: float(f"{float(figure):.5g}")), indent=1)
+
+    def in_a_line(record: re.Match[str]) -> str:
+        return re.sub(r",\n *", ", ", re.sub(r"(?<=[{[])\n *|\n *(?=[]}])", "", record[0]))
+
+    path.write_text(re.sub(r"{[^{}]+}|\[[^][{}]+\]", in_a_line, text) + "\n")

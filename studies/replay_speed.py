@@ -1,7 +1,5 @@
 """``make replay-speed``: how much faster than real time a replay runs; the table of docs/replay.md."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
@@ -69,8 +67,7 @@ def speed(bodies: list[str], messages: list[Message], topics: tuple[str, ...] | 
 def main() -> None:
     """Measure, and write the table."""
     silence_pybullet()
-    from studies.pages import fill, number, table
-    from studies.running import short
+    from studies.pages import fill, number, short, table
 
     rows = []
     for case, (bodies, make) in CASES.items():

@@ -1,8 +1,6 @@
 """``make renders``: the README's moving picture. The same bodies on a height field that is replaced at each map, and on
 ``smartmesh_ros``; how deep the deepest body is below the true ground is measured and written on it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -14,7 +12,7 @@ from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import Ground, HeightMap
 from smartmesh_ros.terrain.grid import FloatArray
-from studies.running import say
+from studies.pages import say
 from studies.tiny_renderer import Camera, Stage
 
 STEPS, MAPS = 240, 60  # rates of physics and of the maps [Hz]

@@ -1,7 +1,5 @@
 """Tables of what contests found, and the charts of a study: its scenes are run, drawn, and written as tables."""
 
-from __future__ import annotations
-
 import argparse
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -11,8 +9,7 @@ from typing import Any, NamedTuple
 
 from studies.chart import draw_all, draw_scene
 from studies.contest import Result, beyond_all, cheapest_as_accurate, deviation_of, distance_of, measures_of, only_by
-from studies.pages import blocks_of, fill, table
-from studies.running import describe, measured_on, save_results
+from studies.pages import blocks_of, fill, measured_on, save, table
 
 OURS = ("ours", "ours, less")
 
@@ -24,12 +21,11 @@ def scene_table(results: Mapping[str, Result]) -> str:
     has_update = any(not math.isnan(result.update) for result in results.values())
     rows = []
     for name, r in results.items():
-        note = r.note.partition("\n")[0]  # of loaders of robots
         shown = f"**{name}**{f' (by {front[name]})' if front[name] else ''}" if name in front else name
         if math.isnan(r.cost):
-            rows.append([f"{name}: {note}", *["-"] * (8 + has_update)])
+            rows.append([f"{name}: {r.note}", *["-"] * (8 + has_update)])
             continue
-        shown += f" ({note})" if note else ""
+        shown += f" ({r.note})" if r.note else ""
         update = [f"{r.update / 1e3:.2f}"] if has_update else []
         rows.append(
             [
@@ -116,18 +112,12 @@ class Charts(NamedTuple):
         folder.mkdir(parents=True, exist_ok=True)
         return folder
 
-    def begin(self, options: argparse.Namespace) -> tuple[Path, str]:
-        """Return the output folder, and words about the machine, which are kept with the results."""
-        out, found = self.folder(options), describe()
-        self.images(out)
-        save_results(self.data(out), {"machine": found, "quick": options.quick})
-        return out, f"{measured_on(found)}."
-
     def run(
-        self, out: Path, scenes: Mapping[str, Any], run: Callable[[Any], dict[str, Result]], machine: str
+        self, out: Path, scenes: Mapping[str, Any], run: Callable[[Any], dict[str, Result]]
     ) -> tuple[dict[str, dict[str, Result]], dict[str, str]]:
         """Return the results of ``scenes``, which have their captions as keys, by ``run``, and blocks of the page.
         Each scene is drawn and kept at once; then come the picture and the tables of all."""
+        machine = f"{measured_on()}."
         titles = {scene.name: scene.title for scene in scenes.values()}
         results: dict[str, dict[str, Result]] = {}
         parts = [f"# {self.name.capitalize()}: every figure of every scene\n"]
@@ -138,12 +128,12 @@ class Charts(NamedTuple):
             found = results[scene.name] = run(scene)
             draw_scene(self.images(out) / f"{scene.name}.png", caption, found, self.unit)
             kept = {name: {one: asdict(result) for one, result in of.items()} for name, of in results.items()}
-            save_results(self.data(out), {"scenes": kept})
+            save(self.data(out), {"machine": machine, "scenes": kept})
             picture = f"![](images/{self.name}/{scene.name}.png)"
             parts.append(f"## {scene.title}\n\n{picture}\n\n{scene_table(found)}\n")
         draw_all(self.images(out) / "all.png", titles, results, self.unit)
         (out / self.tables).write_text("\n".join(parts))
-        return results, {"summary": summary_table(titles, results)}
+        return results, {"machine": machine, "summary": summary_table(titles, results)}
 
     def write(self, out: Path, blocks: Mapping[str, str]) -> None:
         """Replace the blocks of the page."""

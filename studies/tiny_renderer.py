@@ -1,7 +1,5 @@
 """Pictures of ground and bodies by PyBullet's software renderer, which needs neither a window nor a graphics card."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

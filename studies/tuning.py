@@ -1,7 +1,5 @@
 """``make tuning``: tunes three scenes and a bag of the demo, and writes the table of docs/tuning.md."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,8 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     silence_pybullet()
     from smartmesh_ros.tools.tune import cli
     from smartmesh_ros.tools.tune.grid import settings_to_try
-    from studies.pages import fill, table
-    from studies.running import short
+    from studies.pages import fill, short, table
 
     bag = [[options.bag, "--params-file", options.params_file, "--seconds", "2"]] if options.bag else []
     rows = []

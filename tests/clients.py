@@ -1,7 +1,5 @@
 """PyBullet clients, and a scene that is the same in each."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

@@ -5,8 +5,6 @@ process and an environment of its own. Tests of the start, and of other environm
 fixture ``executables``.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

@@ -1,7 +1,9 @@
 """Refused input and failures, counted by reason and logged once per reason and period."""
 
+import traceback
 from collections import Counter
 from collections.abc import Callable
+from pathlib import Path
 from time import monotonic
 from typing import Any
 
@@ -17,6 +19,12 @@ LONGEST_TEXT = 1000
 def shortened(text: str) -> str:
     """Return the text, without its middle if it is too long to log."""
     return text if len(text) <= LONGEST_TEXT else f"{text[: LONGEST_TEXT // 2]} ... {text[-LONGEST_TEXT // 2 :]}"
+
+
+def unexpected(error: Exception, reason: str = "failed") -> InputError:
+    """Return a refusal for an error of Python or a library, with its kind and the line of code."""
+    where = traceback.extract_tb(error.__traceback__)[-1]
+    return InputError(reason, f"{type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})")
 
 
 def reason_of(error: Exception) -> str:

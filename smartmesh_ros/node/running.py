@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import gc
 import os
+import re
 import signal
 import sys
 import tempfile
-import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -15,6 +15,7 @@ from time import monotonic
 from typing import Any
 
 import rclpy
+from rclpy.exceptions import NameValidationException
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.experimental import EventsExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -24,9 +25,13 @@ from rclpy.utilities import try_shutdown
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.declaring import warn_of_unused_overrides
+from smartmesh_ros.node.refusals import unexpected
 
 # Longest wait for messages before signals are checked and ``idle()`` is called, because ``/clock`` may stand still [s].
 LONGEST_WAIT = 0.1
+
+# Errors of rclpy about names and the environment: too long a name, a peer or a security enclave that is not there.
+OF_RCL = (rclpy_implementation.RCLError, NameValidationException)
 
 # Most messages and calls that a late loop handles between two steps.
 MOST_WHEN_LATE = 8
@@ -81,11 +86,9 @@ def started(make_node: Callable[[], Any], args: Sequence[str] | None) -> Iterato
     except BaseException as error:
         if stop.starting and stop.asked:  # whatever the error is: compiled code makes others of the interrupt
             sys.exit()
-        insecure = isinstance(error, rclpy_implementation.RCLError) and _asks_for_security()
-        if node is not None or not (insecure or isinstance(error, InputError)):
+        if node is not None or not isinstance(error, (InputError, *OF_RCL)):
             raise
-        words = "no security, which ROS_SECURITY_ENABLE asks for: " if insecure else ""
-        print(f"cannot start: {words}{error}", file=sys.stderr)
+        print(f"cannot start: {_reason(error)}", file=sys.stderr)
         sys.exit(2)
     finally:
         # Otherwise, if Python ends without freeing its objects, peers may send to the shared memory of this node, and
@@ -95,8 +98,13 @@ def started(make_node: Callable[[], Any], args: Sequence[str] | None) -> Iterato
         try_shutdown()
 
 
-def _asks_for_security() -> bool:
-    return os.environ.get("ROS_SECURITY_ENABLE", "").lower() == "true"
+def _reason(error: BaseException) -> str:
+    """Return why a node cannot start; of rcl's errors the first line, without the places in its sources."""
+    if isinstance(error, InputError):
+        return str(error)
+    secured = os.environ.get("ROS_SECURITY_ENABLE", "").lower() == "true"
+    words = "no security, which ROS_SECURITY_ENABLE asks for: " if secured else ""
+    return words + re.sub(r"(, at \S+:\d+)+", "", str(error)).partition("\n")[0].rstrip(":")
 
 
 def spin(make_node: Callable[[], Any], args: Sequence[str] | None = None) -> None:
@@ -156,6 +164,4 @@ def _handle(executor: Executor, node: Any, seconds: float) -> None:
     try:
         executor.spin_once(timeout_sec=seconds)
     except Exception as error:  # noqa: BLE001  # no peer may stop the node, and rclpy's errors have no common base
-        where = traceback.extract_tb(error.__traceback__)[-1]
-        reason = f"{type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})"
-        node.refusals.add("rclpy", InputError("malformed", reason))
+        node.refusals.add("rclpy", unexpected(error, "malformed"))

@@ -20,7 +20,7 @@ from smartmesh_ros.node.inputs.checked_messages import message_from
 from smartmesh_ros.node.inputs.conversions import RobotNames
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.parameters.settings import LONGEST_NAME, MOST_BODIES, Settings
-from smartmesh_ros.node.refusals import Refusals, shortened
+from smartmesh_ros.node.refusals import Refusals, shortened, unexpected
 from smartmesh_ros.node.services.files import FileWork
 from smartmesh_ros.node.services.turns import Turns, Work
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, MOST_JUMP, Pacer, stamp_of
@@ -175,7 +175,7 @@ class Session:
         self.turns.answer_later(self.node.create_service(kind, f"~/{service}", start, qos_profile=SERVICES))
 
     async def answered(self, service: str, handle: Act, request: Any, response: Any, conclude: Act = conclude) -> Any:
-        """Return the response to a request; a refusal is counted and logged.
+        """Return the response to a request; a refusal, and any other error, is counted and logged.
 
         ``handle`` fills in the response, or raises `InputError`. It may be a coroutine, which holds the ``lock`` where
         it needs the world, and awaits `NextTurn` between parts of its work, so that steps are not late. ``conclude``
@@ -188,8 +188,11 @@ class Session:
             if rest is not None:
                 await rest
         except REFUSED as error:
-            self.refusals.add(service, error)
             outcome = error
+        except Exception as error:  # noqa: BLE001  # each call is answered, and none ends the node
+            outcome = unexpected(error)
+        if outcome is not None:
+            self.refusals.add(service, outcome)
         conclude(response, outcome)
         return response
 

@@ -16,7 +16,7 @@ SLOPE = math.radians(20.0)
 FOOT, RAMP, TOP = 3.0, 4.5, 7.3  # where the ground begins to rise, is as steep as the ramp, and becomes level [m]
 FLATTENING = 1.0  # way on which it becomes level [m]
 # Until when [s], and the speeds [m/s] of the left and right track: stand, drive, turn once on the spot, climb.
-PLAN = ((1.0, 0.0, 0.0), (4.0, 0.5, 0.5), (14.5, -0.4, 0.4), (27.0, 0.5, 0.5))
+PLAN = ((1.0, 0.0, 0.0), (4.0, 0.5, 0.5), (15.1, -0.4, 0.4), (25.5, 0.5, 0.5))
 
 
 def robot_file() -> Path:

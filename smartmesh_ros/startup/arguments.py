@@ -1,4 +1,4 @@
-"""Numbers on command lines."""
+"""Numbers and folders on command lines."""
 
 from __future__ import annotations
 
@@ -6,7 +6,11 @@ import re
 from argparse import ArgumentParser, ArgumentTypeError
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
+
+from smartmesh_ros.errors import InputError
 
 
 class Parser(ArgumentParser):
@@ -27,3 +31,13 @@ def number(kind: type[int] | type[float], low: float, high: float) -> Callable[[
         raise ArgumentTypeError(f"{text!r} is no {'whole ' * (kind is int)}number from {low:g} to {high:g}")
 
     return converted
+
+
+def make_folder(path: Path) -> None:
+    """Make the folder of ``--out`` unless it is there, before the work whose results it gets. Raises `InputError` if no
+    file can be written there."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        TemporaryFile(dir=path).close()
+    except OSError as error:
+        raise InputError("file", f"nothing can be written in {path}: {error}; name another folder by --out") from None

@@ -12,7 +12,7 @@ import json
 import os
 import zipfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -106,7 +106,8 @@ def write(data: bytes, file: str | os.PathLike[str]) -> None:
         part.write_bytes(data)
         part.replace(path)
     except OSError as error:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):  # of a path that no file can have
+            part.unlink(missing_ok=True)
         raise InputError("state", f"the state cannot be saved: {error}") from None
 
 

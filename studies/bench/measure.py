@@ -1,12 +1,9 @@
-"""Measures cases over many frames: median and spread (the report's Chapter 4)."""
-
-from __future__ import annotations
+"""Measures frames of cases: median and spread (the report's Chapter 4)."""
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from time import perf_counter
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,78 +13,51 @@ WARM_UP = 2
 LONGEST_FRAME = 2.5
 # What goes on to the next frame.
 Before = Callable[[], object] | None
+# What is measured, by which method, and its size: samples or vertices on a side of the main mesh, or rings of the
+# collider.
+Case = tuple[str, str, int]
 
 
-@dataclass(frozen=True)
-class Case:
-    """A measured case: ``side`` x ``side`` samples or vertices, ``bodies`` at a time, colliders of ``rings``; zero =
-    does not apply."""
+@dataclass
+class Bench:
+    """Runs cases; stores what was ``found``: median, 10th and 90th percentile [us], and number of frames; and reasons
+    by what was ``left_out``.
 
-    what: str
-    method: str
-    side: int = 0
-    bodies: int = 1
-    rings: int = 0
+    ``frames``: number of frames for each case, at ``most``; if they take longer than ``seconds``, fewer, at ``least``.
+    ``quick``: of all sizes the first two only.
+    """
 
-
-class Timing(NamedTuple):
-    """Running time of a frame [us]: median, 10th and 90th percentile, and how many frames were measured."""
-
-    median: float
-    low: float
-    high: float
-    frames: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class Effort:
-    """``frames``: number of frames for each case. If they take longer than ``seconds``, fewer are measured, at least
-    ``least``."""
-
-    frames: int = 100
+    most: int = 100
     least: int = 5
     seconds: float = 10.0
     quick: bool = False
+    found: dict[Case, tuple[float, float, float, int]] = field(default_factory=dict)
+    left_out: dict[str, str] = field(default_factory=dict)
 
-    def of(self, values: Sequence[int]) -> Sequence[int]:
-        """All sizes or numbers, or the first two of them in a quick run."""
-        return values[:2] if self.quick else values
+    def some(self, sizes: Sequence[int]) -> Sequence[int]:
+        """Return all sizes, or the first two of them in a quick run."""
+        return sizes[:2] if self.quick else sizes
 
-
-FULL = Effort()
-QUICK = Effort(frames=8, least=2, seconds=0.1, quick=True)
-
-
-class Bench:
-    """Runs cases. Stores their ``timings``, and reasons by what was ``left_out``."""
-
-    def __init__(self, effort: Effort = FULL) -> None:
-        self.effort = effort
-        self.timings: dict[Case, Timing] = {}
-        self.left_out: dict[str, str] = {}
-
-    def us(self, what: str, method: str, *, side: int = 0, bodies: int = 1, rings: int = 0) -> float:
+    def us(self, what: str, method: str, size: int) -> float:
         """Median of a case [us]; NaN where it was not measured."""
-        timing = self.timings.get(Case(what, method, side, bodies, rings))
-        return timing.median if timing else math.nan
+        return self.found.get((what, method, size), (math.nan,))[0]
 
-    def time(self, case: Case, run: Callable[[], object], prepare: Before = None) -> Timing:
+    def time(self, case: Case, run: Callable[[], object], prepare: Before = None) -> None:
         """Measure ``run``. ``prepare`` runs before each call and is not measured."""
-        effort, start = self.effort, perf_counter()
+        start = perf_counter()
         for _ in range(WARM_UP):
             if perf_counter() - start < 1.0:
-                self._lap(run, prepare)
+                _lap(run, prepare)
         laps, start = list[float](), perf_counter()
-        while len(laps) < effort.frames and (len(laps) < effort.least or perf_counter() - start < effort.seconds):
-            laps.append(self._lap(run, prepare))
-        low, median, high = np.percentile(np.array(laps) * 1e6, (10, 50, 90)).tolist()
-        timing = self.timings[case] = Timing(median, low, high, len(laps))
-        return timing
+        while len(laps) < self.most and (len(laps) < self.least or perf_counter() - start < self.seconds):
+            laps.append(_lap(run, prepare))
+        median, low, high = 1e6 * np.percentile(laps, (50, 10, 90))
+        self.found[case] = float(median), float(low), float(high), len(laps)
 
-    @staticmethod
-    def _lap(run: Callable[[], object], prepare: Before) -> float:
-        if prepare is not None:
-            prepare()
-        start = perf_counter()
-        run()
-        return perf_counter() - start
+
+def _lap(run: Callable[[], object], prepare: Before) -> float:
+    if prepare is not None:
+        prepare()
+    start = perf_counter()
+    run()
+    return perf_counter() - start

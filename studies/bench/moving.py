@@ -1,7 +1,5 @@
 """Moving ground and bodies on it, as in the report's Figure 1: circular waves that run inwards."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial
@@ -16,6 +14,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from studies.bench.measure import Bench, Case
+from studies.engines.engine import GroundSetup
 from studies.report.config import ReportConfig
 from studies.report.ground import ReportWorld
 
@@ -57,8 +56,7 @@ def height_map(waves: Waves) -> HeightMap:
 
 def grid_vertices(heights: FloatGrid) -> FloatArray:
     """The same ground as vertices (V, 3) [m] of a general mesh."""
-    rows, columns = np.indices(heights.shape)
-    return np.stack([RESOLUTION * columns, RESOLUTION * rows, heights], axis=-1, dtype=np.float64).reshape(-1, 3)
+    return GroundSetup(heights=heights, resolution=RESOLUTION, dt=FRAME).vertices()
 
 
 def general_mesh(waves: Waves) -> TriangleMesh:

@@ -1,7 +1,5 @@
 """The report's figures (Smart-Mesh, 2018, Appendix B), in milliseconds, measured on a 2009 iMac (Intel i7-860)."""
 
-from __future__ import annotations
-
 # Table 1: collider of the whole main mesh, by vertices on a side: PhysX (BVH rebuilt) and Bullet (BVH refitted).
 SIMPLE_PHYSX = {3: 0.094, 5: 0.119, 25: 2.169, 50: 10.507, 100: 51.559, 150: 136.915, 200: 254.778}
 SIMPLE_BULLET = {3: 0.025, 5: 0.057, 25: 0.964, 50: 3.431, 100: 13.090, 150: 29.049, 200: 51.814}

@@ -1,7 +1,5 @@
 """Nearest-vertex searches (Table 4) and collecting the vertices of a local collider (Table 5), for one body."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from functools import partial
 from itertools import count, cycle
@@ -11,7 +9,7 @@ import numpy as np
 
 from smartmesh_ros import GridGeometry
 from smartmesh_ros.terrain.grid import FloatArray
-from studies.bench.measure import Bench, Case
+from studies.bench.measure import Bench
 from studies.bench.moving import RESOLUTION, Waves, general_mesh
 from studies.bench.report import LARGER, RINGS, SEARCH
 from studies.report.search import (
@@ -41,7 +39,7 @@ def measure_general(bench: Bench, side: int) -> None:
     vertex = brute_force_vertex(mesh.vertices.T, np.full(3, 0.3 * (side - 1) * RESOLUTION))
     patch = topology_around(graph, vertex, 1)
     corners, above = mesh.vertices[patch.vertices], mesh.vertices[vertex] + (0.01, 0.02, 1.0)
-    bench.time(Case("search", "ray_cast", side), lambda: ray_cast(above, corners, patch.triangles))
+    bench.time(("search", "ray_cast", side), lambda: ray_cast(above, corners, patch.triangles))
 
 
 def measure_maps(bench: Bench, side: int) -> None:
@@ -63,7 +61,7 @@ def _measure(
     extent = (side - 1) * RESOLUTION
     average = _Walk((0.3 * extent + frame * 0.4 * RESOLUTION) % extent for frame in count(1))
     worst = _Walk(cycle((0.999 * extent, 0.001 * extent)))
-    bench.time(Case(what, "brute_force", side), lambda: brute_force(average.position), average.advance)
+    bench.time((what, "brute_force", side), lambda: brute_force(average.position), average.advance)
     for walk, suffix in ((average, ""), (worst, "_worst")):
         found = [brute_force(walk.position)]
 
@@ -73,8 +71,8 @@ def _measure(
         def traverse(walk: _Walk = walk) -> None:
             nearest_vertices(geometry, geometry.to_grid(walk.position[None]))
 
-        bench.time(Case(what, f"best_first{suffix}", side), search, walk.advance)
-        bench.time(Case(what, f"grid_traversal{suffix}", side), traverse, walk.advance)
+        bench.time((what, f"best_first{suffix}", side), search, walk.advance)
+        bench.time((what, f"grid_traversal{suffix}", side), traverse, walk.advance)
 
 
 class _Walk:
@@ -107,4 +105,4 @@ def measure_collecting(bench: Bench) -> None:
             "cached": partial(np.add, template, vertex),
         }
         for method, run in methods.items():
-            bench.time(Case("collect", method, COLLECT_SIDE, rings=rings), run)
+            bench.time(("collect", method, rings), run)

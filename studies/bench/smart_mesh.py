@@ -1,8 +1,6 @@
 """Colliders of the whole main mesh (Simple-Mesh, Table 1), and local colliders of one body or of a crowd (Tables 2, 3
 and 6): everything an update does, search and collecting too."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
@@ -13,7 +11,7 @@ import numpy as np
 
 from smartmesh_ros import InputError
 from smartmesh_ros.terrain.trimesh import grid_triangles
-from studies.bench.measure import LONGEST_FRAME, Before, Bench, Case
+from studies.bench.measure import LONGEST_FRAME, Before, Bench
 from studies.bench.moving import (
     FRAME,
     RADIUS,
@@ -45,11 +43,10 @@ def measure_main_meshes(bench: Bench, side: int) -> None:
     """One body on a main mesh of ``side`` x ``side``: the report's trimesh patch and today's heightfield patch."""
     waves = Waves(side)
     for method, patch in (("trimesh", REPORT), ("heightfield", UNIFORM)):
-        Player(waves, height_map(waves), patch).time(bench, Case("smart", method, side))
+        Player(waves, height_map(waves), patch).time(bench, ("smart", method, side))
     if side <= LARGEST_GENERAL:
-        Player(waves, general_mesh(waves), replace(REPORT, search="brute_force")).time(
-            bench, Case("smart", "general", side)
-        )
+        general = Player(waves, general_mesh(waves), replace(REPORT, search="brute_force"))
+        general.time(bench, ("smart", "general", side))
     _measure_physx(bench, waves)
 
 
@@ -72,7 +69,7 @@ def _measure_physx(bench: Bench, waves: Waves) -> None:
             world.refresh()
             engine.set_ground(ground.chosen.batches[0].vertices_w[0, :, 2].reshape(3, 3))
 
-        bench.time(Case("smart", "physx", waves.side), update, player.next_frame)
+        bench.time(("smart", "physx", waves.side), update, player.next_frame)
 
 
 # A crowd, on a larger map [vertices on a side].
@@ -83,14 +80,13 @@ def measure_local_colliders(bench: Bench) -> None:
     """Colliders of several sizes: of varying shape (triangles found anew), of constant shape, and heightfields, these
     also in updates of a batch."""
     waves, wide = Waves(SIDE), Waves(BATCH_SIDE)
-    for rings in bench.effort.of(RINGS):
+    for rings in bench.some(RINGS):
         constant, plain = replace(REPORT, rings=rings), replace(UNIFORM, rings=rings)
         varying = replace(constant, collect="union_bfs")
         for method, config in (("varying", varying), ("constant", constant), ("heightfield", plain)):
             mesh = general_mesh(waves) if method == "varying" else height_map(waves)
-            Player(waves, mesh, config).time(bench, Case("local", method, SIDE, rings=rings))
-        case = Case("update", "heightfield", BATCH_SIDE, BATCH, rings)
-        Player(wide, height_map(wide), plain, BATCH).time(bench, case)
+            Player(waves, mesh, config).time(bench, ("local", method, rings))
+        Player(wide, height_map(wide), plain, BATCH).time(bench, ("update", "heightfield", rings))
 
 
 def measure_general(bench: Bench) -> None:
@@ -100,13 +96,12 @@ def measure_general(bench: Bench) -> None:
     mesh = general_mesh(waves)
     frames = Waves(SIDE, grid_vertices)
     times = count()
-    bench.time(Case("ingest", "mesh", SIDE), lambda: mesh.move(frames.now, time=0.05 * next(times)), frames.next)
+    bench.time(("ingest", "mesh", SIDE), lambda: mesh.move(frames.now, time=0.05 * next(times)), frames.next)
     base = ReportConfig(kind="trimesh", rings=1)
     for search in ("brute_force", "best_first"):
         for collect in ("cached", "union_bfs"):
-            Player(waves, general_mesh(waves), replace(base, search=search, collect=collect)).time(
-                bench, Case("general", f"{search} {collect}", SIDE)
-            )
+            player = Player(waves, general_mesh(waves), replace(base, search=search, collect=collect))
+            player.time(bench, ("general", f"{search} {collect}", SIDE))
 
 
 ENGINES = ("physx", "bullet_trimesh", "bullet_heightfield", "mujoco")
@@ -120,14 +115,14 @@ def measure_whole(bench: Bench, name: str) -> None:
     """Measure updates of the whole collider in one engine, or of one of coal's hierarchies alone, up to the size at
     which a frame takes too long."""
     before = 0
-    for side in bench.effort.of(WHOLE_SIDES):
-        longest = bench.us("simple", name, side=before) * (side / before) ** 2 if before else 0.0
+    for side in bench.some(WHOLE_SIDES):
+        longest = bench.us("simple", name, before) * (side / before) ** 2 if before else 0.0
         if longest > LONGEST_FRAME * 1e6:
             return
         try:
             with ExitStack() as stack:
                 run, prepare = COAL[name](Waves(side)) if name in COAL else _in_engine(name, Waves(side), stack)
-                bench.time(Case("simple", name, side), run, prepare)
+                bench.time(("simple", name, side), run, prepare)
         except (ImportError, InputError) as error:  # not installed, or larger than the engine takes
             bench.left_out[f"{name} {side}x{side}" if before else name] = str(error)
             return

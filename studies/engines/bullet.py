@@ -1,7 +1,5 @@
 """PyBullet with one collider of the whole map: the report's Simple-Mesh."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

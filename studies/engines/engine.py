@@ -4,8 +4,6 @@ To add an engine, write one file with a subclass of `Engine`, whose options are 
 line to `ENGINES`. An engine whose package is not installed is left out, with a reason.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -96,7 +94,7 @@ class Contacts(NamedTuple):
     frictions_w: FloatArray
 
     @classmethod
-    def of(cls, rows: Sequence[Sequence[float]]) -> Contacts:
+    def of(cls, rows: Sequence[Sequence[float]]) -> Self:
         """Return contacts from rows of body, point, normal, gap, velocity, normal force and friction."""
         bodies, points, normals, gaps, velocities, forces, frictions = np.split(
             np.array(rows, np.float64).reshape(-1, 15), (1, 4, 7, 8, 11, 12), axis=1

@@ -1,7 +1,5 @@
 """MuJoCo with one height field of the whole map, whose data are written in place: bodies, and robots by its loader."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any, ClassVar
@@ -14,7 +12,7 @@ from smartmesh_ros import InputError, Sphere
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.robots.description import read_description
 from studies.engines.engine import Contacts, Engine, EngineBody, GroundSetup, Links, Setup, Simulation
-from studies.robots.robot import FRICTION, SERVO, RobotEngine, RobotSetup, xyzw
+from studies.robots.robot import FRICTION, SERVO, RobotEngine, RobotSetup
 
 # Bits of bodies and of the ground, so that robots may touch the ground alone.
 BODY, GROUND = 1, 2
@@ -225,7 +223,7 @@ class MujocoRobots(MujocoGround, RobotEngine):
 
     def links(self) -> Links:
         mujoco.mj_kinematics(self.model, self.data)
-        return Links(self.data.xpos[self._bodies].copy(), xyzw(self.data.xquat[self._bodies]))
+        return Links(self.data.xpos[self._bodies].copy(), np.roll(self.data.xquat[self._bodies], -1, axis=-1))
 
     def velocities(self) -> FloatArray:
         mujoco.mj_comPos(self.model, self.data)

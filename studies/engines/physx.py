@@ -1,12 +1,10 @@
 """PhysX, through SAPIEN, with a triangle mesh of the whole map that is cooked anew for every map: bodies, and robots by
 SAPIEN's loader."""
 
-from __future__ import annotations
-
 import math
 import tempfile
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,7 +13,7 @@ from smartmesh_ros import Sphere
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
 from studies.engines.engine import Contacts, Engine, EngineBody, GroundSetup, Links, Setup, Simulation
-from studies.robots.robot import FRICTION, SERVO, RobotEngine, RobotSetup, xyzw
+from studies.robots.robot import FRICTION, SERVO, RobotEngine, RobotSetup
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # about pictures, which are not wanted here
@@ -30,6 +28,13 @@ CONTACT_OFFSET = 0.01
 ALONG_Z = (math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0)
 # Groups of bodies and of the ground: robots touch the ground, and not one another.
 BODY, GROUND = 1, 2
+
+
+def poses_of(parts: Sequence[Any]) -> FloatArray:
+    """Return positions and orientations (x, y, z, w) of bodies or links (N, 7)."""
+    return np.array([[*part.entity_pose.p, *np.roll(part.entity_pose.q, -1)] for part in parts], np.float64).reshape(
+        -1, 7
+    )
 
 
 class PhysxGround(Simulation):
@@ -95,9 +100,7 @@ class PhysxTrimesh(PhysxGround, Engine):
         self.set_ground(self.ready(setup.heights))
 
     def poses(self) -> FloatArray:
-        poses = [body.entity_pose for body in self._bodies]
-        wxyz = np.array([[*pose.p, *pose.q] for pose in poses], np.float64).reshape(-1, 7)
-        return wxyz[:, [0, 1, 2, 4, 5, 6, 3]]
+        return poses_of(self._bodies)
 
     def velocities(self) -> FloatArray:
         twists = [[*body.linear_velocity, *body.angular_velocity] for body in self._bodies]
@@ -202,9 +205,8 @@ class PhysxRobots(PhysxGround, RobotEngine):
                     joint.set_drive_target(positions[joint.name])
 
     def links(self) -> Links:
-        poses = [[link.entity_pose for link in links] for links in self._links]
-        positions = np.array([[pose.p for pose in row] for row in poses], np.float64)
-        return Links(positions, xyzw(np.array([[pose.q for pose in row] for row in poses], np.float64)))
+        frames = np.array([poses_of(links) for links in self._links])
+        return Links(frames[..., :3], frames[..., 3:])
 
     def velocities(self) -> FloatArray:
         linear = np.array([[link.linear_velocity for link in robot.links] for robot in self._bodies], np.float64)

@@ -1,7 +1,5 @@
 """Rapier with one height field of the whole map, whose shape is replaced by every map."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

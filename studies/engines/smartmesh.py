@@ -1,7 +1,5 @@
 """This package as an engine of bodies and of robots: contacts from the map, or the report's colliders."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

@@ -3,10 +3,6 @@
 Nodes run in network namespaces joined by a bridge: UDP between them, no shared memory.
 """
 
-from __future__ import annotations
-
-import argparse
-import json
 import os
 import subprocess
 import sys
@@ -26,14 +22,14 @@ from smartmesh_msgs.msg import Timing
 from smartmesh_ros.node.fleet.command import FleetWatcher
 from smartmesh_ros.node.fleet.layout import WAVES, FleetPlan, node_names
 from studies.load.processes import Usage
-from studies.pages import fill, table
-from studies.running import short
+from studies.pages import fill, short, table
 
 # Real time, as far as it counts; bodies start so far apart [m], in squares of so many on a side, one to a quarter of
 # the terrain, whose bodies share a node.
 REAL_TIME, APART, SIDE = 0.98, 1.0, 24
 # The page with the table, its picture, and the numbers of bodies that the table has columns for.
 PAGE, PICTURE, COLUMNS = Path("docs/fleet.md"), Path("docs/images/fleet/capacity.png"), (200, 400, 800, 1200)
+START, MORE, MOST, SECONDS = 200, 100, 2200, 6.0  # bodies at first, how many more at a time, and at most; a run [s]
 NOBODY = "/nobody"  # a peer that is never heard
 Timings = dict[str, list[Timing]]  # by node
 
@@ -46,7 +42,7 @@ def balls(count: int, first: int) -> Iterator[tuple[str, float, float, float]]:
         yield f"ball_{number:05d}", x if quarter % 2 else -x, y if quarter // 2 else -y, 0.6
 
 
-def capacity(nodes: int, *, start: int, more: int, most: int, seconds: float, meet: bool = True) -> dict[str, Any]:
+def capacity(nodes: int, *, meet: bool) -> dict[str, Any]:
     """Add bodies until the slowest node of a fleet falls behind real time; return what was measured at each number.
     ``meet``: True = bodies of different nodes collide."""
     # What is measured is how late nodes are: none is taken for dead for it.
@@ -55,37 +51,32 @@ def capacity(nodes: int, *, start: int, more: int, most: int, seconds: float, me
     plan = FleetPlan(count=nodes, source=WAVES, front=front, parameters={"bodies.timeout": 20.0, **alone})
     runs: list[dict[str, float]] = []
     with site(plan) as (watcher, timings, machines):
-        count, added = 0, start
-        while count < most and (not runs or runs[-1]["real_time"] >= REAL_TIME - 0.05):
+        count, added = 0, START
+        while count < MOST and (not runs or runs[-1]["real_time"] >= REAL_TIME - 0.05):
             watcher.spawn_balls(balls(added, count), 0.2)
-            count, added = count + added, more
-            spin(watcher, 2.0)
-            runs.append({"bodies": count, **measure(watcher, timings, machines, seconds)})
+            count, added = count + added, MORE
+            rclpy.spin_until_future_complete(watcher, Future(), timeout_sec=2.0)
+            runs.append({"bodies": count, **measure(watcher, timings, machines)})
             figures = ", ".join(f"{name} {figure:.3g}" for name, figure in runs[-1].items())
             print(f"{nodes} nodes{'' if meet else ' by themselves'}: {figures}", flush=True)
     return {"nodes": nodes, "meet": meet, "runs": runs, "carried": carried(runs)}
 
 
-def spin(watcher: FleetWatcher, seconds: float) -> None:
-    """Handles messages for so long."""
-    rclpy.spin_until_future_complete(watcher, Future(), timeout_sec=seconds)
-
-
-def measure(watcher: FleetWatcher, timings: Timings, machines: list[Machine], seconds: float) -> dict[str, float]:
-    """Run a fleet; return the slowest node's real-time factor, the maximum processor time of a node for a simulated
-    second [s], which hardly depends on other load, and the bytes a second that a node sent."""
+def measure(watcher: FleetWatcher, timings: Timings, machines: list["Machine"]) -> dict[str, float]:
+    """Run a fleet; return the slowest node's real-time factor, and the maximum processor time of a node for a simulated
+    second [s], which hardly depends on other load."""
     for heard in timings.values():
         heard.clear()
-    before, start = [(machine.usage.cpu(), machine.sent()) for machine in machines], monotonic()
-    spin(watcher, seconds)
+    before, start = np.array([machine.usage.cpu() for machine in machines]), monotonic()
+    rclpy.spin_until_future_complete(watcher, Future(), timeout_sec=SECONDS)
     span, factors = monotonic() - start, []
-    spent = np.array([(machine.usage.cpu(), machine.sent()) for machine in machines]) - before
+    spent = np.array([machine.usage.cpu() for machine in machines]) - before
     for heard in timings.values():
         window = sum(timing.window_s for timing in heard)
         simulated = sum(timing.real_time_factor * timing.window_s for timing in heard)
         factors.append(simulated / window if window else 0.0)
-    busy, sent = spent[:, 0] / np.maximum(factors, 1e-9) / span, spent[:, 1].mean() / span
-    return {"real_time": min(factors), "busy": float(busy.max()), "sent": float(sent)}
+    busy = spent / np.maximum(factors, 1e-9) / span
+    return {"real_time": min(factors), "busy": float(busy.max())}
 
 
 def carried(runs: list[dict[str, float]]) -> float:
@@ -117,15 +108,9 @@ def draw_capacity(path: Path, capacities: list[dict[str, Any]], machine: str) ->
 
 def main() -> None:
     """Runs the study."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="a minute, and no table")
-    options = parser.parse_args()
     enter()
-    fleets = ((2, True),) if options.quick else ((1, True), (2, True), (4, True), (4, False))
-    start, most, seconds = (100, 100, 4.0) if options.quick else (200, 2200, 6.0)
-    found = [capacity(nodes, start=start, more=100, most=most, seconds=seconds, meet=meet) for nodes, meet in fleets]
-    if options.quick:
-        return
+    fleets = ((1, True), (2, True), (4, True), (4, False))
+    found = [capacity(nodes, meet=meet) for nodes, meet in fleets]
     draw_capacity(PICTURE, found, short())
     rows = []
     for one in found:
@@ -180,12 +165,6 @@ class Machine:
             inside = ["ip", "netns", "exec", self._name, *ALONE, *command]
             self._process = subprocess.Popen(inside, stdout=file, stderr=subprocess.STDOUT)
         self.usage = Usage(self._process.pid)
-
-    def sent(self) -> int:
-        """Bytes that the command has sent so far."""
-        command = ["ip", "-json", "-statistics", "link", "show", "dev", self._cable]
-        [link] = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
-        return int(link["stats64"]["rx"]["bytes"])  # of the end at the bridge, which receives what is sent
 
     def close(self) -> None:
         """Ends it."""

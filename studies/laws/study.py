@@ -1,7 +1,5 @@
 """``make laws``: how well engines keep the laws of contact, and how far runs drift apart; fills docs/laws.md."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial

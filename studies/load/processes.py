@@ -1,7 +1,5 @@
 """A node that watches a collider in a process of its own, and what that process takes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from time import monotonic

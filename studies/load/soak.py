@@ -4,8 +4,6 @@ Maps are resized, bodies spawned and removed, settings changed, sources killed a
 mixed in. Sampled once a second: memory, file descriptors, real-time factor, and the latency of a service call.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections import Counter, defaultdict
 from collections.abc import Callable
@@ -29,7 +27,7 @@ from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_
 from smartmesh_ros.tools.testing.process import Process
 from studies.load.processes import COLLIDER, Usage, Watcher
 from studies.load.study import PAGE, PICTURES
-from studies.pages import fill, table
+from studies.pages import fill, say, table
 
 # How often things happen [s].
 SOURCE_EVERY, SPAWN_EVERY, SETTING_EVERY, BAD_EVERY, SAMPLE_EVERY = 20.0, 2.0, 15.0, 0.5, 1.0
@@ -41,9 +39,6 @@ SHAPES = (
     SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.4, 0.3, 0.2]),
     SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.3, 0.2]),
 )
-# A line is printed so often [s].
-TELL_EVERY = 60.0
-OUT = Path("out/soak")
 
 
 class Soak(Watcher):
@@ -133,6 +128,7 @@ class Soak(Watcher):
         }  # fmt: skip
         for name, value in figures.items():
             self.samples[name].append(float(value))
+        say(f"{len(self.alive)} bodies, {self.refused()} refused, {memory['resident']:.0f} MiB")
 
     def _on_states(self, message: TrackedBodyArray) -> None:
         self.seen = {body.id for body in message.bodies}
@@ -162,14 +158,9 @@ def run(minutes: float) -> dict[str, Any]:
             source.callback(Process("terrain_source", source_parameters(rng)).close)
             node.done["sources killed"] += 1
 
-        def tell() -> None:
-            last = {name: f"{values[-1]:.4g}" for name, values in node.samples.items()}
-            print(f"{len(node.alive)} bodies, {node.refused()} refused, {last}", flush=True)
-
         actions: tuple[tuple[float, Callable[[], None]], ...] = (
             (SOURCE_EVERY, restart_source), (SPAWN_EVERY, node.spawn), (SETTING_EVERY, node.change_setting),
             (BAD_EVERY, node.send_bad), (SAMPLE_EVERY, lambda: node.sample(usage, monotonic() - start)),
-            (TELL_EVERY, tell),
         )  # fmt: skip
         due = [start if every < SOURCE_EVERY else start + every for every, _ in actions]
         while (now := monotonic()) < start + 60.0 * minutes and collider.process.poll() is None:
@@ -192,14 +183,11 @@ def main(args: list[str] | None = None) -> None:
     """Runs the soak."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=10.0, help="how long; 120 = the long form")
-    parser.add_argument("--document", action="store_true", help=f"write the table of the docs, and to {PICTURES}")
+    parser.add_argument("--document", action="store_true", help="write the table and the picture of the docs")
     options = parser.parse_args(args)
-    out = PICTURES if options.document else OUT
-    out.mkdir(parents=True, exist_ok=True)
     use_large_message_profile()
     with isolated_unless_chosen():
-        data = run(options.minutes)
-    report(data, out, PAGE if options.document else None)
+        report(run(options.minutes), document=options.document)
 
 
 # The start is left out: buffers grow to the largest map and message, and pools of colliders fill. Share of the time.
@@ -238,12 +226,11 @@ def is_flat(slope: Slope) -> bool:
     return abs(slope.per_hour) <= max(2.0 * slope.error, 0.01 * abs(slope.median))
 
 
-def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
-    """The picture, and the table of the page."""
+def report(data: dict[str, Any], *, document: bool) -> None:
+    """Print the table, and write it and the picture into the page if ``document``."""
     samples = {name: np.array(values) for name, values in data["samples"].items()}
     kept = samples["time"] >= WARM_UP * samples["time"].max()
     slopes = {name: slope_of(samples["time"][kept], samples[name][kept]) for name in FIGURES}
-    _draw(samples, slopes, data["minutes"], out / "soak.png")
     rows = []
     for name, (what, unit) in FIGURES.items():
         s = slopes[name]
@@ -258,9 +245,10 @@ def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
         f"{data['below_ground']}, at any sample at most {max(samples['below']):.0f}."
     )
     text = table(["figure", "median", "change per hour", ""], rows) + "\n\n" + words
-    print(text)
-    if page is not None:
-        fill(page, {"soak": text})
+    print(f"\n{text}")
+    if document:
+        _draw(samples, slopes, data["minutes"], PICTURES / "soak.png")
+        fill(PAGE, {"soak": text})
 
 
 def _draw(samples: dict[str, NDArray[np.float64]], slopes: dict[str, Slope], minutes: float, path: Path) -> None:

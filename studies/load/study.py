@@ -1,9 +1,8 @@
 """``make load``: the node under load, as real processes over DDS."""
 
-from __future__ import annotations
-
 import argparse
 import math
+from dataclasses import asdict
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -14,27 +13,23 @@ from matplotlib.figure import Figure
 
 from smartmesh_ros import HeightMap
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
-from studies.load.cases import Case, groups
-from studies.load.driver import run_case
-from studies.pages import digest_of, fill, table
-from studies.running import read_results, save_results, short
+from studies.load.driver import Case, groups, run_case
+from studies.pages import fill, save, short, table
 
 SIDES = (256, 1024, 4096, 8192, 16384)
 # Samples on one side of a region, and how many are taken.
 REGION, COUNT, WARM_UP = 64, 1000, 20
-SHARES = (10, 50, 90, 99)  # percentiles of the times
 
 
-def measure_regions(*, quick: bool) -> list[dict[str, Any]]:
-    """Times [us] of regions on each map, ``still``: under a body that stays, ``anywhere``: at places all over the map,
-    most of them for the first time."""
-    sides, count = (SIDES[:2], 200) if quick else (SIDES, COUNT)
-    maps = {side: HeightMap(np.zeros((side, side), np.float32), resolution=0.1) for side in sides}
+def regions() -> str:
+    """Return the table of times [us] of regions on each map, ``still``: under a body that stays, ``anywhere``: at
+    places all over the map, most of them for the first time."""
+    maps = {side: HeightMap(np.zeros((side, side), np.float32), resolution=0.1) for side in SIDES}
     rng = np.random.default_rng(0)
-    found: list[dict[str, Any]] = []
+    rows = []
     for way in ("still", "anywhere"):
-        times: dict[int, list[float]] = {side: [] for side in sides}
-        for turn in range(WARM_UP + count):
+        times: dict[int, list[float]] = {side: [] for side in SIDES}
+        for turn in range(WARM_UP + COUNT):
             heights = rng.normal(size=(REGION, REGION)).astype(np.float32)
             for side, heightmap in maps.items():
                 row, column = (side // 3, side // 3) if way == "still" else rng.integers(0, side - REGION, 2).tolist()
@@ -43,67 +38,42 @@ def measure_regions(*, quick: bool) -> list[dict[str, Any]]:
                 heightmap.update_region(row, column, heights, time=time)
                 if turn >= WARM_UP:
                     times[side].append(1e6 * (perf_counter() - start))
-        for side in sides:
-            found.append({"side": side, "way": way, "count": count})
-            for share in SHARES:
-                found[-1][f"p{share}_us"] = np.percentile(times[side], share)
-            print(f"regions {way} on {side}^2: {found[-1]['p50_us']:.1f} us", flush=True)
-    return found
-
-
-def report(data: dict[str, Any], out: Path, page: Path | None) -> None:
-    """Pictures, and the tables of the page."""
-    found = data["groups"]
-    summaries = {name: [summary_of(result) for result in found.get(name, [])] for name in groups(quick=True)}
-    if summaries["grid"]:
-        draw(summaries["grid"], data["machine"], out)
-    regions = []
-    for r in data.get("regions", []):
-        low, median, high, highest = (f"{r[f'p{share}_us']:.1f}" for share in SHARES)
-        regions.append([f"{r['side']}^2", str(r["count"]), r["way"], median, f"{low} to {high}", highest])
-    head = ["map", "regions", "place", "median [us]", "10 to 90 % [us]", "99 % [us]"]
-    blocks = {
-        "grid": runs(summaries["grid"]), "memory": memory(summaries["memory"]), "rest": runs(summaries["rest"]),
-        "machine": f"Machine: {data['machine']}.", "regions": table(head, regions),
-    }  # fmt: skip
-    if page is not None:
-        code = data["code"]
-        fill(page, blocks, {name: code.get(name, code.get("grid", "unknown")) for name in blocks})
-        print(f"wrote {page}")
+        for side in SIDES:
+            low, median, high, highest = (f"{time:.1f}" for time in np.percentile(times[side], (10, 50, 90, 99)))
+            rows.append([f"{side}^2", str(COUNT), way, median, f"{low} to {high}", highest])
+            print(f"regions {way} on {side}^2: {median} us", flush=True)
+    return table(["map", "regions", "place", "median [us]", "10 to 90 % [us]", "99 % [us]"], rows)
 
 
 def main(args: list[str] | None = None) -> None:
-    """Runs the study, and keeps what there is after each case, with the digest of the code of each group."""
+    """Runs the study; writes JSON and the blocks of what ran."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="a few cases in less than two minutes; writes no page")
-    parser.add_argument("--only", choices=[*groups(quick=True), "regions"], help="run one group again, keep the others")
-    options = parser.parse_args(args)
-    out = Path("out/load") if options.quick else PICTURES
-    out.mkdir(parents=True, exist_ok=True)
-    file = out / "load.json"
-    kept = read_results(file) if options.only else {}
-    data: dict[str, Any] = {"groups": {}, "code": {}, **kept, "machine": short()}
+    parser.add_argument("--only", choices=[*groups(), "regions"], help="run one group again, keep the others")
+    only = parser.parse_args(args).only
+    blocks = {"machine": f"Machine: {short()}."}
     use_large_message_profile()
     with isolated_unless_chosen():
-        for group, members in groups(quick=options.quick).items():
-            if options.only not in (None, group):
+        for group, members in groups().items():
+            if only not in (None, group):
                 continue
-            data["code"][group], data["groups"][group] = digest_of("node"), []
+            summaries = []
             for case in members:
-                data["groups"][group].append(result := run_case(case))
-                s = summary_of(result)
+                summaries.append(s := summary_of(run_case(case)))
                 words = f"{100 * s.missed:.2f} % missed, real time {s.real_time_factor:.2f}, lost {s.lost}"
-                print(f"{case.name}: {words}", flush=True)
-                save_results(file, data)
-        if options.only in (None, "regions"):
-            data["code"]["regions"], data["regions"] = digest_of("node"), measure_regions(quick=options.quick)
-    save_results(file, data)
-    report(data, out, None if options.quick else PAGE)
+                print(f"{case}: {words}", flush=True)
+            save(RESULTS, {"machine": short(), group: [s._asdict() | {"case": asdict(s.case)} for s in summaries]})
+            blocks[group] = (memory if group == "memory" else runs)(summaries)
+            if group == "grid":
+                draw(summaries, short(), PICTURES)
+    if only in (None, "regions"):
+        blocks["regions"] = regions()
+    fill(PAGE, blocks)
+    print(f"wrote {PAGE}")
 
 
-UPDATE = ("search", "collect")
-# The page of the load study and the soak, and the folder of its pictures and what they show.
+# The page of the load study and the soak, its folder of pictures, and its figures.
 PAGE, PICTURES = Path("docs/performance.md"), Path("docs/images/load")
+RESULTS = PICTURES / "load.json"
 
 
 class Summary(NamedTuple):
@@ -133,22 +103,23 @@ class Summary(NamedTuple):
 
 def summary_of(result: dict[str, Any]) -> Summary:
     """Return what `driver.run_case` found."""
-    case, windows, cpus = Case(**result["case"]), result["windows"], result["cpus"]["node"]
+    case, windows, cpus = result["case"], result["windows"], result["cpus"]
+    told = [{s.stage: (s.count, s.p50_us, s.p99_us, s.max_us) for s in window.stages} for window in windows]
     # A starved node may not have sent any windows.
-    seconds = float(sum(w["seconds"] for w in windows)) or math.nan
-    steps = sum(w["stages"]["step"][0] for w in windows) or math.nan
+    seconds = float(sum(window.window_s for window in windows)) or math.nan
+    steps = sum(one["step"][0] for one in told) or math.nan
     stages, a_step = {}, {}
     for name in ("search", "collect", "step", "publish", "ingest", "total", "lateness"):
-        times = np.array([w["stages"][name] for w in windows if w["stages"][name][0]]).reshape(-1, 4)
+        times = np.array([one[name] for one in told if one[name][0]]).reshape(-1, 4)
         a_step[name] = float(times[:, 0] @ times[:, 1] / steps / 1e3)
         columns = [*np.median(times[:, 1:3], axis=0), times[:, 3].max()] if len(times) else [math.nan] * 3
         stages[name] = [float(time) / 1e3 for time in columns]
     return Summary(
         case=case, stages=stages, a_step=a_step, cpu_per_step=1e3 * cpus * seconds / steps,
-        missed=sum(w["misses"] for w in windows) / (case.physics_rate * seconds),
-        real_time_factor=float(np.mean([w["real_time_factor"] for w in windows])) if windows else math.nan,
-        latencies=sorted(result["latencies_ms"]), sent=result["sent"], lost=max(result["sent"] - result["taken"], 0),
-        cpus=cpus, memory=result["memory_mib"]["node"],
+        missed=sum(window.deadline_misses for window in windows) / (case.physics_rate * seconds),
+        real_time_factor=float(np.mean([window.real_time_factor for window in windows])) if windows else math.nan,
+        latencies=sorted(1e3 * latency for latency in result["latencies"]), sent=result["sent"],
+        lost=max(result["sent"] - result["taken"], 0), cpus=cpus, memory=result["memory"],
     )  # fmt: skip
 
 
@@ -162,7 +133,7 @@ def runs(summaries: list[Summary]) -> str:
     rows = [
         [
             str(s.case.bodies), f"{s.case.side}^2", f"{s.case.mode} at {s.case.map_rate:g} Hz",
-            f"{s.case.physics_rate:g}", _ms(s.stages["total"][:2]), _ms([sum(s.a_step[name] for name in UPDATE)]),
+            f"{s.case.physics_rate:g}", _ms(s.stages["total"][:2]), _ms([s.a_step["search"] + s.a_step["collect"]]),
             *(_ms(s.stages[name][:1]) for name in ("step", "publish", "ingest")), f"{s.real_time_factor:.2f}",
             _ms(s.stages["lateness"]), f"{100 * s.missed:.2f} %",
             _ms(np.percentile(s.latencies, (50, 99, 100)).tolist()) if s.latencies else "-", f"{s.lost} of {s.sent}",

@@ -1,7 +1,5 @@
 """Rows and columns of the stability matrix, and a world on moving ground with what the rows measure."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -46,7 +44,7 @@ class Arena:
 
     def __init__(
         self,
-        method: Method,
+        method: "Method",
         ground: Any = 0.0,
         *,
         size: int = 61,
@@ -156,7 +154,7 @@ ANY = math.nan  # in a place: anywhere along that axis
 
 
 def off(
-    shape: Shape, start: Place, place: Place, method: Method, seconds: float = 1.0, state: Any = None, **more: Any
+    shape: Shape, start: Place, place: Place, method: "Method", seconds: float = 1.0, state: Any = None, **more: Any
 ) -> float:
     """Distance [mm] of a body from the ``place`` where it should be so many seconds after its ``start`` [m], with
     further parts of its ``state``, in an arena with ``more`` settings."""
@@ -223,16 +221,19 @@ own_row = partial(Row, skip=tuple(name for name in METHODS if name != "defaults"
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """A cell: ``figure`` [``unit``], None = not run; infinite = lost or not reached."""
+    """A cell: ``figure`` in the row's unit, None = not run; infinite = lost or not reached."""
 
-    row: str
+    row: Row
     method: str
     figure: float | None
-    limit: float
-    unit: str
-    source: str
 
     @property
     def passed(self) -> bool | None:
         """Return True if the figure is within the limit; None if there is no figure."""
-        return None if self.figure is None else bool(self.figure <= self.limit)
+        return None if self.figure is None else bool(self.figure <= self.row.limit)
+
+    def record(self) -> dict[str, Any]:
+        """Return it as JSON has it."""
+        row = self.row
+        found = {"row": row.name, "method": self.method, "figure": self.figure}
+        return {**found, "limit": row.limit, "unit": row.unit, "source": row.source}

@@ -1,7 +1,5 @@
 """Rows on ground that moves: heave, launch, waves, slow maps; and on what changes at once: holes, maps, places."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

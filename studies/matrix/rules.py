@@ -1,7 +1,5 @@
 """Rows on invariants: replays, edits, memory, rest."""
 
-from __future__ import annotations
-
 import math
 import resource
 from dataclasses import replace

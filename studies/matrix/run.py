@@ -1,7 +1,5 @@
 """Runs the matrix, and writes it as a table and as a picture."""
 
-from __future__ import annotations
-
 import math
 import multiprocessing
 from collections.abc import Sequence
@@ -15,14 +13,13 @@ from matplotlib.transforms import Bbox
 
 from smartmesh_ros import InputError, MotionConfig
 from studies.configurations import BARE
-from studies.matrix import moving_ground, real_maps, rules, sleeping, still_ground, touching, uneven_maps
+from studies.matrix import moving_ground, real_maps, rules, sleeping, still_ground, touching
 from studies.matrix.arena import METHODS, Outcome, Row
 from studies.matrix.real_maps import STEP, Site
-from studies.pages import table
+from studies.pages import say, table
 from studies.report.config import ReportConfig
-from studies.running import say
 
-_PARTS = (still_ground, moving_ground, rules, touching, real_maps, uneven_maps, sleeping)
+_PARTS = (still_ground, moving_ground, rules, touching, real_maps, sleeping)
 ROWS: tuple[Row, ...] = tuple(row for part in _PARTS for row in part.ROWS)
 QUICK_METHODS = ("defaults", "rebuilt trimesh")
 
@@ -35,7 +32,7 @@ def run_cell(row: Row, method: str) -> Outcome:
             figure = float(row.figure(METHODS[method]))
         except InputError:  # the method cannot do it
             figure = math.inf
-    return Outcome(row=row.name, method=method, figure=figure, limit=row.limit, unit=row.unit, source=row.source)
+    return Outcome(row=row, method=method, figure=figure)
 
 
 def run_matrix(*, quick: bool = False, methods: Sequence[str] = ()) -> list[Outcome]:
@@ -45,18 +42,18 @@ def run_matrix(*, quick: bool = False, methods: Sequence[str] = ()) -> list[Outc
     gigabytes in a row of moving whole meshes.
     """
     chosen = tuple(methods) or (QUICK_METHODS if quick else tuple(METHODS))
-    cells = [(row.name, method) for row in ROWS if row.quick or not quick for method in chosen]
+    cells = [(index, method) for index, row in enumerate(ROWS) if row.quick or not quick for method in chosen]
     outcomes = []
     with multiprocessing.get_context("fork").Pool(maxtasksperchild=1) as pool:
-        for outcome in pool.imap(_run_named, cells):
-            outcomes.append(outcome)
-            say(f"stability: {outcome.row}, {outcome.method}")
+        for (index, method), figure in zip(cells, pool.imap(_figure_of, cells), strict=True):
+            outcomes.append(Outcome(row=ROWS[index], method=method, figure=figure))
+            say(f"stability: {ROWS[index].name}, {method}")
     return outcomes
 
 
-def _run_named(cell: tuple[str, str]) -> Outcome:
-    """Run a cell by the name of its row: functions of rows cannot be sent to another process."""
-    return run_cell(next(row for row in ROWS if row.name == cell[0]), cell[1])
+def _figure_of(cell: tuple[int, str]) -> float | None:
+    """Run a cell by the number of its row: functions of rows cannot be sent to another process."""
+    return run_cell(ROWS[cell[0]], cell[1]).figure
 
 
 COLOURS = {True: "#cfe8d5", False: "#f4c7c3", None: "#eeeeee"}  # by whether a cell passes
@@ -84,7 +81,8 @@ def matrix_table(outcomes: Sequence[Outcome]) -> str:
     rows = []
     for found in cells:
         texts = [f"**{figure_text(o)}**" if o.passed is False else figure_text(o) for o in found]
-        rows.append([found[0].row, f"{found[0].limit:g} {found[0].unit}", found[0].source, *texts])
+        row = found[0].row
+        rows.append([row.name, f"{row.limit:g} {row.unit}", row.source, *texts])
     verdicts = [[o.passed for o in column] for column in cells.T]
     rows.append(["passed", "", "", *[f"{one.count(True)} of {len(one) - one.count(None)}" for one in verdicts]])
     return table(["test", "limit", "source of the limit", *methods], rows)
@@ -98,7 +96,8 @@ def draw_matrix(path: Path, outcomes: Sequence[Outcome]) -> None:
     drawn = axes.table(
         cellText=[[figure_text(one) for one in row] for row in cells], cellLoc="center",
         cellColours=[[COLOURS[one.passed] for one in row] for row in cells],
-        rowLabels=[f"{one.row}  (<= {one.limit:g} {one.unit})" for one in cells[:, 0]], colLabels=methods,
+        rowLabels=[f"{row.name}  (<= {row.limit:g} {row.unit})" for row in (one.row for one in cells[:, 0])],
+        colLabels=methods,
         colWidths=[1.0 / len(methods)] * len(methods), bbox=Bbox.unit(),
     )  # fmt: skip
     for (row, column), cell in drawn.get_celld().items():

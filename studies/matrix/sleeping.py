@@ -1,7 +1,5 @@
 """Rows on sleeping bodies, each beside a world that never sleeps: none is lost, and they end where they do awake."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Rows on ground that stays as it is: ghosts, theory of rigid bodies, sizes and shapes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial
@@ -11,8 +9,7 @@ import numpy as np
 
 from smartmesh_ros import Box, Cylinder, PhysicsConfig, Sphere
 from smartmesh_ros.ground.shapes import Shape
-from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.tools.evaluation.distance import Surface, nearest
+from smartmesh_ros.tools.evaluation.distance import nearest
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from smartmesh_ros.tools.evaluation.scene import lowest
 from studies.engines.bullet import bullet_contacts
@@ -122,29 +119,18 @@ def normals(method: Method) -> float:
     ground = {"kind": "sinusoid", "amplitude": 0.1, "wavelength": 2.0}
     with Arena(method, ground, size=81, resolution=0.1) as arena:
         arena.scatter(8, Sphere(0.2), 2.0, 0.22, linear=(1.0, 0.0, 0.0))
-        angles: list[float] = []
+        parts = {(arena.world.bodies[name].uid, -1): index for index, name in enumerate(arena.shapes)}
+        chords: list[float] = []
         surface, before = arena.surface(), arena.positions()
         for time in arena.run(1.5):
             if time > 0.5:
-                angles += _normal_errors(arena, surface, before)
+                contacts = bullet_contacts(arena.world.client, parts, arena.world.dt)
+                pressed = contacts.normal_forces > 0.0
+                true = nearest(surface, before[contacts.bodies[pressed]], 0.4).normal
+                chords += np.linalg.norm(contacts.normals_w[pressed] - true, axis=1).tolist()
             before = arena.positions()
-        return float(np.percentile(angles, 99)) if angles else math.inf
-
-
-def _normal_errors(arena: Arena, surface: Surface, positions: FloatArray) -> list[float]:
-    """Errors [deg] of the contacts with the ground, which were found with the bodies at ``positions`` (N, 3) [m]."""
-    parts = {(arena.world.bodies[name].uid, -1): index for index, name in enumerate(arena.shapes)}
-    contacts = bullet_contacts(arena.world.client, parts, arena.world.dt)
-    pressed = contacts.normal_forces > 0.0
-    true = nearest(surface, positions[contacts.bodies[pressed]], 0.4).normal
-    errors = angles_between(contacts.normals_w[pressed], true)
-    return [float(error) for error in errors[np.isfinite(true).all(axis=1)]]
-
-
-def angles_between(normals: FloatArray, true_normals: FloatArray) -> FloatArray:
-    """Return the angles (N,) [deg] between unit vectors (N, 3); accurate for small angles."""
-    sine = np.linalg.norm(np.cross(normals, true_normals), axis=1)
-    return np.asarray(np.degrees(np.arctan2(sine, np.einsum("ij,ij->i", normals, true_normals))), np.float64)
+        angles = np.degrees(2.0 * np.arcsin(0.5 * np.array(chords)))
+        return float(np.nanpercentile(angles, 99)) if chords else math.inf
 
 
 def wide_box(method: Method) -> float:

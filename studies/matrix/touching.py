@@ -1,8 +1,6 @@
 """Rows on contacts beside the ground right below a body: seams, creases, walls, edges; and of bodies that a blow drives
 on faster than their patches follow."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,8 +1,6 @@
 """Size of cells: bodies roll and slide down an inclined plane, for which closed forms say how, on cells of several
 sizes and across a seam."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from time import process_time

@@ -1,7 +1,5 @@
 """The engines of the records, and their options."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,9 +1,6 @@
 """``make records``: terrain tax, touchdown and size of cells, beside other engines; fills docs/records.md."""
 
-from __future__ import annotations
-
-import argparse
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,40 +9,26 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
 from studies.chart import PLAIN
-from studies.pages import ROOT, fill
+from studies.pages import ROOT, fill, measured_on, save, say
 from studies.records.cells import cells_table
 from studies.records.entrants import ENTRANTS, OURS
 from studies.records.tax import engine_table, world_table
 from studies.records.touchdown import touchdown_table
-from studies.running import describe, measured_on, save_results, say
 
 PAGE, RESULTS, PICTURE = (ROOT / "docs" / name for name in ("records.md", "records.json", "images/records.png"))
-# How often each cost is measured, in turns: in `World`, and in the engines.
-WORLD_ROUNDS, ENGINE_ROUNDS = 25, 9
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure, print the tables, write the page and draw the picture."""
-    parser = argparse.ArgumentParser(prog="python -m studies records", description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="two turns in place of all, and no page")
-    quick = parser.parse_args(arguments).quick
-    tables: dict[str, str] = {}
-    results: dict[str, Any] = {}
-    records: dict[str, Callable[[], tuple[str, Any]]] = {
-        "touchdown": touchdown_table,
-        "cells": cells_table,
-        "tax of engines": lambda: engine_table(2 if quick else ENGINE_ROUNDS),
-        "tax": lambda: world_table(2 if quick else WORLD_ROUNDS),
-    }
-    for name, run in records.items():
+def main() -> None:
+    """Measure, print the tables, write JSON and the page, and draw the picture."""
+    results: dict[str, tuple[str, Any]] = {}
+    names = ("touchdown", "cells", "tax of engines", "tax")
+    for name, run in zip(names, (touchdown_table, cells_table, engine_table, world_table), strict=True):
         say(name)
-        tables[name], results[name] = run()
-        print(f"\n{tables[name]}")
-    if not quick:
-        machine = measured_on(describe())
-        save_results(RESULTS, {"machine": describe(), **results})
-        fill(PAGE, {name: f"{text}\n\n{machine}." for name, text in tables.items()})
-        draw(PICTURE, results["tax of engines"], results["touchdown"], results["cells"])
+        results[name] = run()
+        print(f"\n{results[name][0]}")
+    save(RESULTS, {"machine": measured_on(), **{name: found for name, (_, found) in results.items()}})
+    fill(PAGE, {name: f"{text}\n\n{measured_on()}." for name, (text, _) in results.items()})
+    draw(PICTURE, *(results[name][1] for name in ("tax of engines", "touchdown", "cells")))
 
 
 TAXED = ("1 ball", "1 box", "100 balls", "100 boxes")

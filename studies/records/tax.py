@@ -1,8 +1,6 @@
 """Terrain tax: processor time of a step on a map, over that of the same bodies on a plane; of `World`, and of
 engines."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -19,6 +17,8 @@ from studies.pages import number, table
 from studies.records.entrants import RATE, enter, entrants
 from studies.robots.robot import HUSKY
 
+# How often each cost is measured, in turns: in `World`, and in the engines.
+WORLD_ROUNDS, ENGINE_ROUNDS = 25, 9
 MAP_RATE = 60  # [Hz]
 EVERY = RATE // MAP_RATE  # steps from map to map
 SIDE, CELL = 121, 0.25  # samples and resolution [m] of the map
@@ -43,12 +43,6 @@ class Crowd:
     kind: str
     count: int
 
-    @property
-    def name(self) -> str:
-        """As in the table."""
-        plural = {"box": "boxes", "husky": "huskies"}.get(self.kind, self.kind + "s")
-        return f"{self.count} {self.kind if self.count == 1 else plural}"
-
     def places(self) -> list[tuple[float, float]]:
         """Return where its members stand, in a square around the origin [m]."""
         side, spacing = int(np.ceil(np.sqrt(self.count))), SPACING[self.kind]
@@ -57,9 +51,10 @@ class Crowd:
         return [(spacing * x + 0.03, spacing * y + 0.03) for x, y in at]
 
 
-CROWDS = (
-    Crowd("ball", 1), Crowd("box", 1), Crowd("husky", 1), Crowd("ball", 100), Crowd("box", 100), Crowd("husky", 8),
-)  # fmt: skip
+CROWDS = {
+    "1 ball": Crowd("ball", 1), "1 box": Crowd("box", 1), "1 husky": Crowd("husky", 1),
+    "100 balls": Crowd("ball", 100), "100 boxes": Crowd("box", 100), "8 huskies": Crowd("husky", 8),
+}  # fmt: skip
 
 
 def waves_at(time: float) -> Any:
@@ -105,8 +100,8 @@ def time_of(step: Callable[[], None], steps: int) -> float:
     return (thread_time() - begun) / steps * 1e6
 
 
-def world_times(crowd: Crowd, rounds: int) -> dict[str, list[float]]:
-    """Return the processor time of a step [us] (rounds,), in turns, for each column of the table: the same crowd on
+def world_times(crowd: Crowd) -> dict[str, list[float]]:
+    """Return the processor time of a step [us] of each round, in turns, for each column of the table: the same crowd on
     PyBullet's plane, and on a map in three ways."""
     maps = [HeightMap(np.zeros((SIDE, SIDE)), resolution=CELL, origin=(-EDGE, -EDGE)) for _ in range(3)]
     with ExitStack() as stack:
@@ -121,17 +116,17 @@ def world_times(crowd: Crowd, rounds: int) -> dict[str, list[float]]:
             time_of(step, SETTLE)
             counts[column] = max(int(BLOCK * 1e6 / time_of(step, SETTLE)), 8)
         found: dict[str, list[float]] = {column: [] for column in steps}
-        for _ in range(rounds):
+        for _ in range(WORLD_ROUNDS):
             for column, step in steps.items():
                 found[column].append(time_of(step, counts[column]))
         return found
 
 
-def world_table(rounds: int) -> tuple[str, dict[str, dict[str, list[float]]]]:
+def world_table() -> tuple[str, dict[str, dict[str, list[float]]]]:
     """Return the table, with the plane's time and the others' ratio to it, median, 10th and 90th percentile; and the
     times of all rounds by crowd and column."""
     logging.getLogger("smartmesh_ros").setLevel(logging.ERROR)  # what the husky's description lacks is known
-    results = {crowd.name: world_times(crowd, rounds) for crowd in CROWDS}
+    results = {name: world_times(crowd) for name, crowd in CROWDS.items()}
     rows = []
     for name, found in results.items():
         rows.append([name, number(float(np.median(found["plane"])))])
@@ -177,16 +172,16 @@ def engine_time(name: str, crowd: Crowd, case: str, plane: bool) -> float:
         return (process_time() - begun) / MEASURED * 1e6
 
 
-def engine_table(rounds: int) -> tuple[str, dict[str, dict[str, dict[str, list[float]]]]]:
+def engine_table() -> tuple[str, dict[str, dict[str, dict[str, list[float]]]]]:
     """Return the table, with medians, and by crowd, engine and case the ratios of costs, field over plane, of each
     round, and under "plane" the plane's cost at rest [us]; all in turns."""
     found: dict[str, dict[str, dict[str, list[float]]]] = {}
-    for crowd in CROWDS:
+    for who, crowd in CROWDS.items():
         if crowd.kind == "husky":
             continue
-        found[crowd.name] = {name: {case: [] for case in ("plane", *CASES)} for name in entrants()}
-        for _ in range(rounds):
-            for name, columns in found[crowd.name].items():
+        found[who] = {name: {case: [] for case in ("plane", *CASES)} for name in entrants()}
+        for _ in range(ENGINE_ROUNDS):
+            for name, columns in found[who].items():
                 planes = {case: engine_time(name, crowd, case, plane=True) for case in ("still", "driving")}
                 columns["plane"].append(planes["still"])
                 for case in CASES:

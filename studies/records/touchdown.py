@@ -1,7 +1,5 @@
 """Touchdown: a ball falls onto a deck that heaves, and should leave it with e times the speed (Newton)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

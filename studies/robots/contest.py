@@ -3,8 +3,6 @@
 The ground is a prism below each triangle of the main mesh; a link is the shapes that its engine collides with.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import NamedTemporaryFile
@@ -15,7 +13,7 @@ import numpy as np
 import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import GridGeometry, InputError, PhysicsConfig
+from smartmesh_ros import GridGeometry, PhysicsConfig
 from smartmesh_ros.ground.quaternions import rotated
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.robots.meshes import obj_parts
@@ -120,19 +118,15 @@ class GroundPrisms:
         """Return the distance [m] of a part from the ground, at most ``least``."""
         points = placed(part.points, link)
         low, high = points.min(axis=0), points.max(axis=0)
-        geometry = self._geometry
-        x, y, _ = geometry.origin
-        step = geometry.resolution
         # Nothing beside this window is nearer than what is known.
         reach = max(0.0, least)  # also where that is NaN
-        c0, c1 = np.floor((np.array([low[0] - reach, high[0] + reach]) - x) / step).astype(int)
-        r0, r1 = np.floor((np.array([low[1] - reach, high[1] + reach]) - y) / step).astype(int)
-        if c1 < 0 or r1 < 0 or c0 > geometry.columns - 2 or r0 > geometry.rows - 2:
+        corners = np.floor(self._geometry.to_grid(np.array([low[:2] - reach, high[:2] + reach]))).astype(int)
+        most = np.array(self._heights.shape) - 2
+        if (corners[1] < 0).any() or (corners[0] > most).any():
             return np.nan
         if low[2] - self._highest >= reach:
             return least
-        r0, r1 = np.clip([r0, r1], 0, geometry.rows - 2)
-        c0, c1 = np.clip([c0, c1], 0, geometry.columns - 2)
+        (r0, c0), (r1, c1) = np.clip(corners, 0, most)
         # Lower bounds of the distances from the prisms (2, R, C): those along z alone.
         bounds = low[2] - self._tops[:, r0 : r1 + 1, c0 : c1 + 1]
         at = link @ part.pose
@@ -179,10 +173,7 @@ class RobotContest(Contest):
 
     def enter(self, configuration: Configuration) -> RobotEngine:
         setup = self._setup(configuration.rate)
-        try:
-            engine: RobotEngine = configuration.build(setup)
-        except (ValueError, RuntimeError) as error:
-            raise InputError("robot", f"does not load: {error}") from error
+        engine: RobotEngine = configuration.build(setup)
         if isinstance(engine, WorldRobots):
             body = next(iter(engine.world.bodies.values()))
             read = read_links(engine.world.client, body.uid, list(body.links))

@@ -1,8 +1,6 @@
 """Robots and the tables of their joints, the interface of the engines that simulate them, and the scenes of the study:
 robots on grounds that rest or move, on grids of three spacings."""
 
-from __future__ import annotations
-
 import math
 import re
 import xml.etree.ElementTree as ET
@@ -74,14 +72,11 @@ def trot_at(time: float) -> Mapping[str, float]:
 WHEELS = ("front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel")
 _STANCE = {joint: position for leg in PHASES for joint, position in laikago_leg(leg, 0.0, LAIKAGO_KNEE).items()}
 _ROVER = str(Path(__file__).with_name("rover.urdf"))
-_HUSKY, _LAIKAGO, _RACECAR = (
-    str(DATA / file) for file in ("husky/husky.urdf", "laikago/laikago_toes_zup.urdf", "racecar/racecar.urdf")
-)
 ROVER = Robot(name="rover", urdf=_ROVER, height=0.12, wheels=WHEELS, speed=5.0)
-HUSKY = Robot(name="husky", urdf=_HUSKY, height=0.0, wheels=WHEELS, speed=5.0, reach=0.5)
-LAIKAGO = Robot(name="laikago", urdf=_LAIKAGO, height=0.497, stance=_STANCE)
+HUSKY = Robot(name="husky", urdf=f"{DATA}/husky/husky.urdf", height=0.0, wheels=WHEELS, speed=5.0, reach=0.5)
+LAIKAGO = Robot(name="laikago", urdf=f"{DATA}/laikago/laikago_toes_zup.urdf", height=0.497, stance=_STANCE)
 RACECAR = Robot(
-    name="racecar", urdf=_RACECAR, height=0.0, torque=2.0, reach=0.3,
+    name="racecar", urdf=f"{DATA}/racecar/racecar.urdf", height=0.0, torque=2.0, reach=0.3,
     stance={"left_steering_hinge_joint": 0.0, "right_steering_hinge_joint": 0.0},
     # The axles point to the right: positive speeds drive backwards.
     speed=-10.0, wheels=tuple(f"{side}_{end}_wheel_joint" for end in ("rear", "front") for side in ("left", "right")),
@@ -134,11 +129,6 @@ class RobotEngine(Simulation):
     @abstractmethod
     def hold(self, positions: Mapping[str, float]) -> None:
         """Set the positions [rad] that all robots' servos hold, by joint."""
-
-
-def xyzw(wxyz: FloatArray) -> FloatArray:
-    """Return quaternions (..., 4) whose scalar comes first with the scalar last."""
-    return np.asarray(wxyz)[..., [1, 2, 3, 0]]
 
 
 # Mass of links whose description gives none [kg], balls of 0.1 m. Loaders differ: PyBullet takes 1 kg, others nothing.

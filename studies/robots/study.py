@@ -1,7 +1,5 @@
 """``make robots``: robots on rough and moving ground, cost against accuracy, beside other engines."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import product
@@ -11,10 +9,9 @@ from smartmesh_ros import BodyState, JointCommand, PhysicsConfig
 from studies.configurations import robot_configurations
 from studies.contest import run
 from studies.matrix.arena import Arena, square
-from studies.pages import table
+from studies.pages import save, say, table
 from studies.robots.contest import RobotContest
 from studies.robots.robot import DATA, HEAVING, STILL, RoughHills, scenes
-from studies.running import save_results, say
 from studies.tables import Charts
 
 # Descriptions that come with PyBullet.
@@ -29,7 +26,6 @@ SECONDS, SAMPLES, SPACING = 12.0, 101, 0.04
 # The drift is measured over so many periods of the heaving ground, up to the end of the run.
 PERIODS = 5
 MAP_RATE = 20.0  # [Hz] of the heaving ground
-MOST_RESCUES = 0
 
 
 class Stranger(NamedTuple):
@@ -87,15 +83,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the scenes and the strangers; write JSON, pictures and tables."""
     every = scenes()
     options = CHARTS.parser(__doc__, [scene.name for scene in every]).parse_args(arguments)
-    out, machine = CHARTS.begin(options)
-    todo = CHARTS.chosen(options, every)
+    out, todo = CHARTS.folder(options), CHARTS.chosen(options, every)
     chosen = robot_configurations(quick=options.quick)
     by_title = {scene.title: scene for scene in todo}
-    _, blocks = CHARTS.run(out, by_title, lambda scene: run(RobotContest(scene), chosen), machine)
+    _, blocks = CHARTS.run(out, by_title, lambda scene: run(RobotContest(scene), chosen))
     names = ("mini_cheetah",) if options.quick else tuple(STRANGERS)
     strangers = [] if options.scenes else run_strangers(names)
-    save_results(CHARTS.data(out), {"strangers": [one._asdict() for one in strangers]})
-    CHARTS.write(out, {"machine": machine, **blocks, "strangers": strangers_table(strangers)})
+    save(CHARTS.data(out), {"strangers": [one._asdict() for one in strangers]})
+    CHARTS.write(out, {**blocks, "strangers": strangers_table(strangers)})
     return 0
 
 
@@ -106,8 +101,8 @@ def strangers_table(strangers: Sequence[Stranger]) -> str:
             f"{one.name}, {'braked' if one.braked else 'limp'}, ground {'heaving' if one.moving else 'at rest'}",
             f"{1e3 * one.drift:.1f}" if math.isfinite(one.drift) else "left the map",
             str(one.rescues),
-            f"{MOST_RESCUES}",
-            "yes" if one.rescues <= MOST_RESCUES and math.isfinite(one.drift) else "**no**",
+            "0",
+            "yes" if one.rescues == 0 and math.isfinite(one.drift) else "**no**",
         ]
         for one in strangers
     ]

@@ -1,7 +1,5 @@
 """``make soil``: soil against closed forms and a measured wheel, and its cost; fills docs/soil_tables.md."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import replace
 from time import thread_time
@@ -12,8 +10,7 @@ from smartmesh_ros import BodyState, Box, HeightMap, Soil, World
 from smartmesh_ros.soil.config import soil_named, soils_of
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from studies.pages import ROOT, fill, table
-from studies.soil.arcs import free_slip, undamped, wheel_forces
-from studies.soil.trials import K10, SMOOTH, plate_sinkage
+from studies.soil.trials import K10, SMOOTH, free_slip, plate_sinkage, undamped, wheel_forces
 from studies.soil.vehicles import WARTHOG, Cart, drive, roll, set_down
 
 # Boxes: mass [kg], side [m], and the fall onto the soil [m].
@@ -48,12 +45,12 @@ def boxes() -> str:
 def forced_slip() -> str:
     """Return the table of the measured wheel at forced slips."""
     soil, rows = undamped(soil_named("k10_sand")), []
-    for run in SMOOTH:
-        wheel = replace(K10, load=run.load)
-        one, other = roll(wheel, soil, run.slip), wheel_forces(soil, wheel, run.slip)
-        sinkages = (f"{1e3 * sinkage:.1f}" for sinkage in (run.sinkage, one.sinkage, other.sinkage))
-        pulls = (f"{pull / run.load:+.2f}" for pull in (run.pull, one.pull, other.pull))
-        rows.append([f"{run.slip:g}", *sinkages, *pulls])
+    for slip, pull, load, sinkage in SMOOTH:
+        wheel = replace(K10, load=load)
+        one, other = roll(wheel, soil, slip), wheel_forces(soil, wheel, slip)
+        sinkages = (f"{1e3 * found:.1f}" for found in (sinkage, one.sinkage, other.sinkage))
+        pulls = (f"{found / load:+.2f}" for found in (pull, one.pull, other.pull))
+        rows.append([f"{slip:g}", *sinkages, *pulls])
     head = ["slip", "sinkage [mm]: measured", "soil", "integrals", "pull / load: measured", "soil", "integrals"]
     return table(head, rows)
 

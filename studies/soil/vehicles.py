@@ -1,7 +1,5 @@
 """Boxes and carts on `Soil` in PyBullet, and a wheel whose slip is forced, as in a single-wheel test bed."""
 
-from __future__ import annotations
-
 import math
 import tempfile
 from dataclasses import dataclass
@@ -27,8 +25,7 @@ from smartmesh_ros import (
 )
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
-from studies.soil.arcs import WheelForces
-from studies.soil.trials import Wheel
+from studies.soil.trials import Wheel, WheelForces
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 # Height of the axles below the middle of a cart's chassis [m].

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, Box, GridGeometry, HeightMap, Terrain, World
+from tests.bodies import about_z, rotation
 
 SAMPLES, CELL = 41, 0.1
 FLAT = np.zeros((SAMPLES, SAMPLES), np.float32)
@@ -95,3 +96,11 @@ def test_ground_that_turns_has_the_box_on_it_with_the_velocity_of_its_place(
     assert 2.0 * math.atan2(found.orientation[2], found.orientation[3]) == pytest.approx(yaw, abs=0.06)
     arm = found.position[0], found.position[1] - beside
     assert found.linear == pytest.approx((-spin * arm[1], spin * arm[0], 0.0), abs=0.02)
+
+
+@pytest.mark.parametrize("maps", [20, 60, 240])
+def test_a_box_does_not_creep_on_a_map_that_turns(maps: int) -> None:
+    """A metre off the axis, in the two seconds after the one in which it was taken along."""
+    found = ride(lambda time: (0.0, 0.0, time), 3.0, (1.0, 0.0), maps)
+    begin, end = (rotation(about_z(time)).T @ found(time).position for time in (1.0, 3.0))
+    assert end == pytest.approx(begin, abs=2e-5)

@@ -149,7 +149,7 @@ def lowest(shape: Shape, state: BodyState) -> float:
 # turns it by half a radian in a step, and the other end comes down.
 THROWN: dict[str, tuple[Shape, float, float, int]] = {
     "large coin": (Cylinder(radius=0.5, height=0.05), 8.0, 1e-3, 0),
-    "long rod": (Box(1.6, 0.1, 0.1), 8.0, 1e-3, 0),
+    "long rod": (Box(1.6, 0.1, 0.1), 8.0, 1e-3, 1),
     "coin": (Cylinder(radius=0.03, height=0.003), 1.0, 2e-3, 3),
     "disc": (Cylinder(radius=0.008, height=0.004), 1.0, 2e-3, 3),
     "rod": (Box(0.06, 0.003, 0.006), 1.0, 2e-3, 3),

@@ -67,18 +67,6 @@ def test_what_cannot_be_attached_is_refused_whole(client: Any, car: int) -> None
     assert len(ground.followers) == 1
 
 
-def test_a_ground_that_is_gone_leaves_the_world_usable(client: Any) -> None:
-    body = put(client, BALL, START)
-    ground = ground_of(client, level(), body)
-    ground.step(0.0, DT)
-    del ground
-    for _ in range(240):
-        client.stepSimulation()
-    client.removeBody(body)
-    client.resetSimulation()
-    client.stepSimulation()
-
-
 def require_standing(client: Any, ground: Ground) -> None:
     """Assert that a ball falls to the ground, which is new, and stands on it."""
     assert ground.clock == 0.0
@@ -102,9 +90,11 @@ def test_a_client_that_was_reset_is_named_and_takes_a_new_ground(client: Any) ->
     ground.show()
     client.stepSimulation()
     client.resetSimulation()
-    for call in (lambda: ground.step(DT, DT), ground.show):
-        with pytest.raises(InputError, match=r"the PyBullet client was reset.*make another"):
+    ball = put(client, BALL, (1.0, 0.0, 0.5))
+    for call in (lambda: ground.step(DT, DT), ground.show, lambda: ground.attach(ball)):
+        with pytest.raises(InputError, match=r"PyBullet client was reset.*make another"):
             call()
+    assert client.getNumBodies() == 1
     client.stepSimulation()
     ground.close()
     assert not ground.shown

@@ -1,6 +1,7 @@
 """Ground that gives by its contact, rebound and rolling resistance by place, by closed forms."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -143,6 +144,14 @@ def test_what_rolls_coasts_down_by_the_coefficient(
         assert there @ along == pytest.approx(speed**2 * (1.0 + inertia) / (2.0 * rolling * GRAVITY), rel=0.02)
         world.step(int(2.0 * rate))
         assert np.linalg.norm(world.state("body").position - there) < 1e-3
+
+
+def test_a_ball_that_also_spins_about_the_upright_rolls_straight_on_and_keeps_its_spin() -> None:
+    start = BodyState((0.0, 0.0, RADIUS), linear=(1.0, 0.0, 0.0), angular=(0.0, 1.0 / RADIUS, 20.0))
+    plain = replace(start, angular=(0.0, 1.0 / RADIUS, 0.0))
+    ways = [end_of(flat(Material(rolling=0.03)), Sphere(RADIUS), state, 480, sleep=False) for state in (start, plain)]
+    np.testing.assert_allclose(ways[0].position, ways[1].position, rtol=0.0, atol=1e-9)
+    assert ways[0].angular[2] == pytest.approx(20.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(("slope", "rolls"), [(0.02, False), (0.04, True)])

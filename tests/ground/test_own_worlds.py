@@ -8,7 +8,8 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros import Ground, InputError, Sphere
+from smartmesh_ros import Ground, Sphere
+from smartmesh_ros.errors import InputError
 from tests.bodies import ground_of, height, put, run
 from tests.grounds import level
 from tests.memory import allocated
@@ -82,6 +83,9 @@ def test_a_ground_that_was_dropped_leaves_nothing_in_the_way_of_bodies_and_rays(
     for _ in range(240):
         client.stepSimulation()
     assert height(client, other) < -3.0
+    client.removeBody(ball)
+    client.resetSimulation()
+    client.stepSimulation()
 
 
 def test_a_ground_that_is_saved_while_it_is_shown_takes_no_memory_each_time(client: Any) -> None:

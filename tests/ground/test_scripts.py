@@ -82,7 +82,9 @@ def worlds() -> Iterator[tuple[Callable[[int], Any], str]]:
     yield of(lambda w: w.restore(None)), "the saved state is None; pass its bytes or its file"
     yield (lambda c: World(level(), PhysicsConfig())), "pass WorldConfig(physics="
     yield (lambda c: PhysicsConfig(gravity=9.81)), "gravity is 9.81; it must be three"
-    yield (lambda c: PhysicsConfig(rate="fast")), "rate is fast Hz"
+    for name, value in {"rate": "fast", "gravity": (0.0, np.nan, 0.0), "restitution": 1.5, "friction": -0.1}.items():
+        yield (lambda c, name=name, value=value: PhysicsConfig(**{name: value})), name
+    yield (lambda c: PhysicsConfig(rate=0.0)), "rate is 0.0 Hz"
     yield (lambda c: JointCommand(velocity="3")), "velocity 3; it must be finite"
     for position in ((1.0, 0.0), "up", None, 1.0, (0.0, 0.0, None)):
         yield (lambda c, position=position: BodyState(position)), "it must be 3 numbers"

@@ -107,11 +107,6 @@ def stamped(probe: Probe | Fed, message: Any, frame_id: str = "map") -> Any:
     return message
 
 
-def one_round(probe: Probe) -> None:
-    """Waits until the node has handled what was published before, so that no queue overflows: it answers a call."""
-    values(probe, ["physics.rate"])
-
-
 def refusals(probe: Probe) -> Counter[str]:
     """How many messages the node has refused so far, by topic and reason."""
     found = probe.diagnostics("inputs").items()

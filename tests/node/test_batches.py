@@ -141,6 +141,24 @@ def test_the_parameter_spawns_bodies_once_there_is_ground_for_them() -> None:
         assert 1.0 - 2.0 * (x**2 + y**2) == pytest.approx(ground.normals[1, 2], abs=0.02)
 
 
+@pytest.mark.parametrize("turns", range(3))
+def test_a_body_whose_ground_goes_away_while_it_is_put_there_waits_for_the_next(turns: int) -> None:
+    """A mapper's first maps have holes here and there."""
+    ground = np.zeros((41, 41))
+    with fed({"bodies.spawn": ["{id: ball, shape: sphere, size: [0.2], xy: [2.0, 2.0]}"]}) as node:
+        for heights in (ground, np.where(np.hypot(*np.mgrid[-20:21, -20:21]) < 10, np.nan, ground)):
+            node.give("heightmap", heightmap_message(heights, resolution=0.1), steps=0)
+            for _ in range(turns):
+                node.node.turn()
+        while node.node.turn():
+            pass
+        assert node.node.refusals.counts.total() == 0
+        node.give("heightmap", heightmap_message(ground, resolution=0.1), steps=0)
+        while node.node.turn():
+            pass
+        assert node.world.bodies.keys() == {"ball"}
+
+
 async def work(name: str, turns: int, log: list[str]) -> str:
     for _ in range(turns):
         log.append(name)

@@ -1,7 +1,5 @@
 """Tracked bodies as stacks publish them; their shapes; their velocities, estimated from poses; time-outs by arrival."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -186,11 +184,6 @@ def test_a_jump_of_a_pose_pushes_nothing_that_the_body_does_not_touch(world: Wor
     n = round(rate)
     states = [*[pose(0.0)] * n, *[pose(jump)] * n, *[pose(0.0)] * n, *[pose(jump, yaw=3.0)] * n]
     assert run(world, states, rate) < 0.01
-
-
-def test_a_body_that_drives_pushes_with_its_velocity(world: World) -> None:
-    run(world, [pose(0.01 * k) for k in range(100)], 48.0)
-    assert world.state("box").linear[0] == pytest.approx(0.48, abs=0.05)
 
 
 @examples(30)

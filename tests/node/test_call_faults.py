@@ -1,7 +1,5 @@
 """The k-th call to DDS or PyBullet fails in a node, for k = 1, 2, ...: it is counted, and the node goes on."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from typing import Any

@@ -1,7 +1,5 @@
 """Talking with Eclipse Cyclone DDS, an implementation that shares no code with the middleware underneath ROS here."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module

@@ -1,7 +1,5 @@
 """Decks over ROS: their frames come by TF, odometry and bodies, their maps on the usual topics."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Bases that drive by velocities, their odometry and frames, and IMUs, over real DDS and in this process."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Peers, clocks, disks and wires that fail."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal
@@ -13,11 +11,15 @@ import numpy as np
 import pytest
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 from smartmesh_msgs.msg import Heightmap
+from smartmesh_msgs.srv import SpawnBody
 from visualization_msgs.msg import MarkerArray
 
+from smartmesh_ros.tools.demo import rover
 from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, assert_on_map, heightmap_message
-from tests.node.shared import LATCHED, refusals
+from tests.node.shared import LATCHED, made_with, refusals
 
 SHAPE = (40, 30)
 SHARED = {"terrain.motion": "hold"}
@@ -117,3 +119,28 @@ def test_parameters_of_no_type_and_empty_lists_of_numbers_are_refused_and_the_no
     [result] = shared.call("set_parameters", SetParameters, parameters=[empty]).results
     assert not result.successful and "gravity is (); it must be three finite numbers" in result.reason
     shared.wait_for(on_map(shared, shared.publish_map(rough(1))))
+
+
+def test_the_rover_asks_again_for_what_a_collider_took_and_was_killed_with(
+    probe: Probe, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rover, "PATIENCE", 0.1)
+    probe.listen("heightmap", Heightmap)
+    served: list[str] = []
+
+    def serve(request: Any, response: Any) -> Any:
+        served.append(request.id)
+        response.success = True
+        return response
+
+    with made_with(rover.Rover, {}) as node, contextlib.ExitStack() as ends:
+        executor = SingleThreadedExecutor(context=node.context)
+        ends.callback(executor.shutdown)
+        executor.add_node(node)
+        killed = Node("killed", context=probe.context)
+        taken = killed.create_service(SpawnBody, f"{COLLIDER}/spawn_body", serve).handle
+        probe.wait_for(lambda: executor.spin_once(0.0) or taken.service_take_request(SpawnBody.Request)[0])
+        killed.destroy_node()
+        probe.node.create_service(SpawnBody, f"{COLLIDER}/spawn_body", serve)
+        probe.wait_for(lambda: executor.spin_once(0.0) or served)
+        assert served[0] == rover.ROBOT

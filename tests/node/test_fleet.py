@@ -2,8 +2,6 @@
 
 What bodies of two nodes do to each other: tests/world/test_guests.py; from recorded states: tests/tools/replay."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
@@ -15,7 +13,7 @@ from smartmesh_msgs.msg import BodySpecification, Heightmap, Timing, TrackedBody
 from smartmesh_msgs.srv import RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
-from smartmesh_ros.node.fleet import layout as layout
+from smartmesh_ros.node.fleet import command, layout
 from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
 from tests.node.shared import BALL, Logged, fed, stamped
 
@@ -151,3 +149,18 @@ def test_peers_that_simulate_otherwise_are_refused_by_reason(logged: Logged) -> 
             node.give("/other/body_states", stamped(node, said, frame))
             heard = logged()
             assert "/other/body_states refused" in heard and words in heard
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [
+        ("--nodes", "0", "'0' is no whole number from 1"), ("--bodies", "-3", "'-3' is no whole number from 0"),
+        ("--seconds", "nan", "'nan' is no number from 0"),
+    ],
+)  # fmt: skip
+def test_a_fleet_of_no_nodes_is_refused_and_not_waited_for(
+    option: str, value: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        command.main([option, value])
+    assert end.value.code == 2 and words in capsys.readouterr().err

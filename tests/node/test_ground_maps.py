@@ -1,7 +1,5 @@
 """The true ground around bodies: maps of it, scores of a mapper against them, height scans at simulated rates."""
 
-from __future__ import annotations
-
 import csv
 import math
 from pathlib import Path

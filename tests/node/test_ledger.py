@@ -1,8 +1,6 @@
 """Bodies of a fleet are on one node each, none is lost with a node, and every call to a node ends, with a reason for
 each body that was not spawned or removed."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from types import SimpleNamespace
@@ -19,8 +17,10 @@ from smartmesh_msgs.srv import RemoveBodies, SpawnBodies
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.shapes import ShapeKind
 from smartmesh_ros.node.fleet.calls import Calls, specification_of
+from smartmesh_ros.node.fleet.front import Front
 from smartmesh_ros.node.fleet.ledger import Duties, FleetBody, LastState, Ledger, LedgerConfig
 from smartmesh_ros.world.state_table import StateTable
+from tests.node.shared import made_with
 
 NODES = ["a", "b", "c"]
 EVENTS = ["die", "cut", "come", "spawn", "wait"]
@@ -208,6 +208,25 @@ def test_a_node_that_dies_or_has_no_services_has_refused_all_bodies_of_the_call(
     assert result_of(Calls(front_of(ready=False), ["/a"], None).remove("/a", ["one"])) == {
         "one": "/a serves no calls yet"
     }
+
+
+def test_a_node_that_restarts_before_it_counts_as_dead_has_refused_the_calls_of_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It answers none of them. A start takes less than the timeout where the processor is fast, or the timeout long."""
+    ledger, peer = Ledger(["/a"], LedgerConfig(timeout=60.0)), front_of()
+    for time, names in ((0.0, ["ball"]), (0.25, ["ball"]), (5.0, [])):
+        ledger.hear("/a", time)
+        ledger.update_states("/a", table(names))
+        duties = ledger.check(time)
+    assert duties.lost == {"/a": ["ball"]} and not duties.died
+    with made_with(Front, {"nodes": ["/a"]}) as front:
+        monkeypatch.setattr(front.ledger, "check", lambda _: duties._replace(spawn=[]))
+        front._calls = Calls(peer, ["/a"], None)
+        call = front._calls.remove("/a", ["one"])
+        call.send(None)
+        result_of(front._check_nodes())
+        assert result_of(call) == {"one": "/a died before it answered"}
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,6 @@
 """Materials and soils of the ground by place, as maps bring them: ice beside gravel, mats, sand into which bodies sink.
 What materials do: tests/ground."""
 
-from __future__ import annotations
-
 import math
 import re
 import subprocess

@@ -91,6 +91,7 @@ def test_all_is_described_and_a_node_takes_its_own_dump_while_it_runs_and_at_the
     """As `ros2 param load` reads it, in whose files numbers without a point are texts."""
     small = {"physics.solver_residual": 1e-9, "terrain.noise": 2e-5, "physics.gravity": [0.0, 1e-7, -9.81]}
     changed = {**small, "physics.rate": 60.0, "raster.origin": [1.0, 2.0, 3.0], "terrain.changes": "correction"}
+    changed |= {"robot.start": ["{id: spot, xy: [1, 2]}"], "bodies.urdf_folders": ["/"]}
     file, dumps = tmp_path / "dump.yaml", []
     for arguments in ([], ["--params-file", str(file)]):
         with made_with(TerrainCollider, {} if arguments else changed, arguments) as node:
@@ -165,7 +166,10 @@ MAPS = f"qos_overrides.{COLLIDER}/heightmap.subscription"
         ({"soil.type": ["lunar"], "terrain.changes": "correction"}, "terrain.changes"),
         ({"raster.material_layers": ["colour"]}, "colour"),
         ({"robot.description": "/nowhere.urdf"}, "/nowhere.urdf"),
-        ({"robot.start": "{id: a}"}, "xyz: [x, y, z]"),
+        ({"robot.start": ["{id: a}"]}, "xyz: [x, y, z]"),
+        ({"robot.start": ["{id: a, xy: [0, 0]}", "{id: b, xy: [0, 0]}"]}, "2 entries"),
+        ({"robot.start": []}, "0 entries"),
+        ({"robot.start": "{id: a, xy: [0, 0]}"}, "robot.start"),
         ({"bodies.spawn": ["{id: x, urdf: /nowhere.urdf, xyz: [0, 0, 0]}"]}, "/nowhere.urdf"),
         # Quality of service.
         ({f"{MAPS}.reliability": "often"}, "reliable, best_effort"),

@@ -72,6 +72,25 @@ def test_a_signal_ends_a_program_and_the_nodes_that_it_started(
         wait_until(lambda: all(has_ended(child.pid) for child in children))
 
 
+@pytest.mark.parametrize(
+    ("arguments", "environment", "words"),
+    [
+        (["-r", f"__node:={'n' * 256}"], {}, "node name length should not exceed '255'"),
+        (["-r", f"__ns:=/{'n' * 225}"], {}, "topic length should not exceed '255U - 8U'"),
+        (["-p", "frame_id:=\udcff"], {}, r"an argument is no UTF-8: 'frame_id:=\udcff'"),
+        ([], {"ROS_STATIC_PEERS": "no_such_machine.invalid"}, "Unable to resolve peer no_such_machine.invalid"),
+    ],
+)
+def test_what_ros_refuses_ends_the_start_with_its_reason(
+    arguments: list[str], environment: dict[str, str], words: str
+) -> None:
+    with Process("terrain_collider", arguments=["--ros-args", *arguments], environment=environment) as process:
+        assert process.process.wait(TIMEOUT) == 2, process.output
+        reason = process.output.splitlines()[-1]
+        assert reason.startswith("cannot start: ") and reason.endswith(words)
+        assert "Traceback" not in process.output
+
+
 @pytest.mark.parametrize("made_of_it", [KeyboardInterrupt, ImportError, RuntimeError, InputError])
 def test_a_signal_during_the_start_ends_a_node_whatever_error_compiled_code_makes_of_it(
     own_signals: None, made_of_it: type[BaseException]

@@ -41,7 +41,7 @@ REFUSED = {
 def test_a_refused_robot_changes_nothing_whichever_way_it_comes(probe: Probe, tmp_path: Path) -> None:
     """The robot of the topic, which was latched before there was a node, stays; the refused name is free."""
     (tmp_path / "part.glb").write_bytes(b"glTF")
-    parameters = {"bodies.urdf_folders": [str(tmp_path)], "robot.start": "{id: good, xy: [0, 0], above: 0.5}"}
+    parameters = {"bodies.urdf_folders": [str(tmp_path)], "robot.start": ["{id: good, xy: [0, 0], above: 0.5}"]}
     topic = probe.node.create_publisher(String, probe.topic("robot_description"), LATCHED)
     topic.publish(String(data=robot(link("base"))))
     with probe.running(parameters=parameters):
@@ -62,7 +62,7 @@ def test_a_refused_robot_changes_nothing_whichever_way_it_comes(probe: Probe, tm
 
 
 def test_a_description_is_of_the_robot_that_is_there_or_of_a_new_one_in_its_place() -> None:
-    start = {"robot.start": "{id: rover, xy: [4.0, 4.0], above: 0.25, yaw: 2.1}"}
+    start = {"robot.start": ["{id: rover, xy: [4.0, 4.0], above: 0.25, yaw: 2.1}"]}
     text = Path(ROVER).read_text()
     with on_level(start) as run:
 
@@ -98,7 +98,7 @@ def test_the_packages_of_a_file_are_found_as_those_of_a_text(tmp_path: Path, mon
     monkeypatch.setenv("AMENT_PREFIX_PATH", f"{os.environ['AMENT_PREFIX_PATH']}:{share.parent}")
     parameters = {
         "bodies.urdf_folders": [str(tmp_path)], "robot.description": str(file),
-        "robot.start": "{id: robot, xy: [0, 0], above: 1.0}",
+        "robot.start": ["{id: robot, xy: [0, 0], above: 1.0}"],
         "bodies.spawn": [f"{{id: spawned, urdf: {file}, xy: [4, 4], align: true}}"],
     }  # fmt: skip
     with on_level(parameters) as run:
@@ -184,7 +184,7 @@ def test_whoever_listens_late_hears_of_no_body_that_is_gone(shared: Probe) -> No
 def test_texts_may_begin_with_a_byte_order_mark() -> None:
     """As files may, which editors on Windows write."""
     text = "\ufeff" + Path(ROVER).read_text()
-    parameters = {"robot.start": "{id: described, xy: [2.0, 2.0]}", "simulation_interfaces": True}
+    parameters = {"robot.start": ["{id: described, xy: [2.0, 2.0]}"], "simulation_interfaces": True}
     with on_level(parameters, ("robot_description", 0.1, String(data=text))) as run:
         run.run(0.2)
         assert run.call("spawn_body", SpawnBody.Request(id="spawned", urdf=text)).success

@@ -1,7 +1,5 @@
 """Robots, driven by their joints and reported, against mechanics."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

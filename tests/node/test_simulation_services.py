@@ -208,6 +208,7 @@ def test_entities_are_filtered_by_name_and_place(started: Probe) -> None:
     with changed(started, {"physics.gravity": [0.0, 0.0, 0.0]}):
         spawn(started, uri=str(ROVER), name="rover_a", initial_pose=placed(5.0, 2.0, 9.0))
         spawn(started, uri=str(ROVER), name="rover_b", initial_pose=placed(8.0, 2.0, 9.0))
+        spawn(started, uri=str(ROVER), name=f"{'rover_' * 9}!", initial_pose=placed(8.0, 8.0, 9.0))
         assert entities(started, filter="^rover_[ab]$") == ["rover_a", "rover_b"]
         assert entities(started, filter="all") == ["ball"]
 
@@ -227,6 +228,8 @@ def test_entities_are_filtered_by_name_and_place(started: Probe) -> None:
             (Result.RESULT_OPERATION_FAILED, {"bounds": sphere(2.0, -1.0)}),
             (Result.RESULT_OPERATION_FAILED, {"filter": "[[:digits:]]"}),
             (Result.RESULT_OPERATION_FAILED, {"filter": "(" * 9999}),
+            # Python would need years to find that this does not fit the name with the exclamation mark.
+            (Result.RESULT_OPERATION_FAILED, {"filter": "^([rover_a]+)+$"}),
         ):
             answer = ask(started, "get_entities", filters=msg.EntityFilters(**filters))
             assert answer.result.result == code

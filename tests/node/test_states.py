@@ -88,6 +88,8 @@ def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(tmp_path: Path
             (SaveState, {"file": str(tmp_path / "state.txt")}, "does not end in .npz"),
             (SaveState, {"file": str(other)}, "is no saved state; choose another name"),
             (SaveState, {"file": str(tmp_path / "no folder" / "s.npz")}, "cannot be saved"),
+            (SaveState, {"file": str(other / "s.npz")}, "cannot be saved"),
+            (SaveState, {"file": str(tmp_path / f"{'n' * 300}.npz")}, "cannot be saved"),
         ]
         for kind, fields, words in asked:
             service = "save_state" if kind is SaveState else "restore_state"
@@ -100,6 +102,23 @@ def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(tmp_path: Path
         for words in ("physics.gravity ((0.0, 0.0, -9.81) there, (0.0, 0.0, -1.6) here)", "terrain.smoothing (0.0"):
             assert words in answer.message
         assert [(name, run.world.state(name)) for name in run.world.bodies] == before
+
+
+def test_an_error_that_nobody_expects_is_the_answer_and_the_node_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the first turn of a call, and in a later one."""
+    ball = SpawnBody.Request(id="other", shape=BALL, mass=1.0, pose=pose_message((5.0, 5.0, 0.0)), on_ground=True)
+    with paused() as run:
+        for part, service, request in (
+            ("world.World.save", "save_state", SaveState.Request()), ("standing.Stance.on", "spawn_body", ball),
+        ):  # fmt: skip
+            monkeypatch.setattr(f"smartmesh_ros.world.{part}", failing)
+            answer = run.call(service, request)
+            assert not answer.success and answer.message.startswith("ZeroDivisionError: the moon (test_states.py:")
+            step(run)
+
+
+def failing(*_: Any, **__: Any) -> None:
+    raise ZeroDivisionError("the moon")
 
 
 def test_episodes_are_equal_to_the_bit() -> None:
@@ -187,7 +206,7 @@ def test_a_fresh_node_goes_on_with_the_bodies_of_the_state_and_no_others() -> No
     """The state knows which bodies of the parameters were removed, and which robot is the description's."""
     places = {"a": 1.0, "b": 2.0, "c": 9.0}
     spawned = [f"{{id: {name}, shape: sphere, size: [0.2], mass: 1.0, xy: [{x}, 2.0]}}" for name, x in places.items()]
-    parameters = {"bodies.spawn": spawned, "robot.start": "{id: rover, xy: [4.0, 4.0]}"}
+    parameters = {"bodies.spawn": spawned, "robot.start": ["{id: rover, xy: [4.0, 4.0]}"]}
     small, large = (("heightmap", 0.0, heightmap_message(np.zeros((60, n)))) for n in (60, 120))
     described = [("robot_description", 0.0, String(data=robot(link(name)))) for name in ("base", "chassis")]
     with replayed([small, described[0]], parameters) as saver, replayed([described[0]], parameters) as fresh:

@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +70,23 @@ def test_a_node_gives_its_shared_memory_back_when_it_ends(probe: Probe) -> None:
         assert own
         assert process.stop() == 0
     assert not [file for file in own if Path(file).exists()]
+
+
+def test_a_process_outlives_the_thread_that_started_it(tmp_path: Path) -> None:
+    """For Linux that thread is the parent, with which the process would be killed: of a pool, or of a test's own."""
+    code = "import signal as s; s.pthread_sigmask(s.SIG_BLOCK, [2]); print('ready', flush=True); s.sigwait([2])"
+    file = tmp_path / "log"
+
+    def started() -> subprocess.Popen[bytes]:
+        with file.open("wb") as log:
+            child = start_command([sys.executable, "-c", code], log, {**os.environ})
+        wait_until(lambda: b"ready" in file.read_bytes())
+        return child
+
+    with ThreadPoolExecutor() as pool:
+        child = pool.submit(started).result()
+    child.send_signal(signal.SIGINT)
+    assert child.wait(TIMEOUT) == 0
 
 
 def test_a_fork_is_what_the_executable_is(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -247,7 +247,7 @@ def test_two_blocks_drive_a_robot_on_the_topics_of_the_page() -> None:
     wheels = arm.replace("shoulder", "wheel").replace(
         'command_interface name="position"', 'command_interface name="velocity"'
     )
-    start = "robot.start:='{id: robot, xy: [5.0, 5.0], above: 0.11}'"
+    start = "robot.start:=['{id: robot, xy: [5.0, 5.0], above: 0.11}']"
     with fed({}, [*arguments_of(command), "-p", start]) as node:
         node.give("heightmap", stamped(node, heightmap_message(np.zeros((21, 21)), resolution=0.5)))
         node.give("/robot_description", String(data=robot(*PARTS, arm, wheels)))

@@ -1,7 +1,5 @@
 """Every engine does what physics says; those that are not installed are skipped by name."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Laws of contact: their measures on contacts made by hand, what engines tell of contacts, and the study itself."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

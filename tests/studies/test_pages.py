@@ -1,12 +1,12 @@
-"""Blocks of pages, which say which code they were measured with, and results files."""
+"""Blocks of pages, which say which code they were measured with."""
 
+import json
 from pathlib import Path
 
 import pytest
 
 from smartmesh_ros.errors import InputError
-from studies.pages import SUBJECTS, blocks_of, digest, digest_of, fill, main, stale_blocks
-from studies.running import read_results, save_results
+from studies.pages import SUBJECTS, blocks_of, digest, digest_of, fill, main, save, stale_blocks
 
 ROOT = Path(__file__).parents[2]
 PAGE = "words\n<!-- generated: one of core, code old -->\nold\n<!-- end -->\nmore\n"
@@ -50,12 +50,6 @@ def test_code_counts_and_words_do_not() -> None:
     assert digest({"f.cpp": compiled}) != digest({"f.cpp": compiled.replace("2 *", "3 *")})
 
 
-def test_a_block_written_again_keeps_the_code_it_was_measured_with(page: Path) -> None:
-    page.write_text(PAGE + PAGE.replace("one of", "two of"))
-    fill(page, {"one": "old figures", "two": "new figures"}, {"one": "0123456789ab"})
-    assert {block.name: block.digest for block in blocks_of(page)} == {"one": "0123456789ab", "two": digest_of("core")}
-
-
 def test_the_subjects_differ_and_every_mark_of_a_page_is_read() -> None:
     assert len({digest_of(subject) for subject in SUBJECTS}) == len(SUBJECTS)
     for page in (ROOT / "docs").glob("*.md"):
@@ -71,10 +65,9 @@ DATA = {
 
 def test_what_is_written_is_read_and_other_entries_stay(tmp_path: Path) -> None:
     path = tmp_path / "found.json"
-    assert read_results(path) == {}
-    save_results(path, DATA)
-    save_results(path, {"quick": True})
-    found = read_results(path)
+    save(path, DATA)
+    save(path, {"quick": True})
+    found = json.loads(path.read_text())
     assert found["scenes"]["flat"]["defaults"] == {"cost": 1.2346, "spread": [1.0, 2.0], "note": ""}
     assert found["stability"] == DATA["stability"]
     assert found["quick"] is True

@@ -9,7 +9,6 @@ from PIL import Image
 
 from scripts import height_scan
 from smartmesh_ros.terrain.grid import FloatArray
-from studies.friction_picture import BODY, GRAVITY, GROUND, ways
 from studies.matrix.run import draw_box
 from studies.rising_picture import WAYS, grid, height, simulated
 
@@ -35,13 +34,6 @@ def test_the_ground_rises_as_fast_as_the_readme_says() -> None:
     heights = np.array([height(0.0, time) for time in times])
     assert np.diff(heights).max() / 0.01 == pytest.approx(float(speed), rel=0.02)
     assert grid(0.0).shape == (41, 101)
-
-
-def test_each_way_is_short_by_half_of_the_first_step() -> None:
-    for (kind, speed), places in ways().items():
-        expected = speed**2 / (2.0 * GROUND[kind] * BODY * GRAVITY)
-        assert places[-1, 0] == pytest.approx(expected - 0.5 * speed / 240.0, abs=1e-3), f"{kind} at {speed} m/s"
-        assert places[-1, 0] == places[-100, 0], "it stands"
 
 
 def test_the_points_of_a_height_scan_are_drawn(

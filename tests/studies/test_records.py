@@ -1,7 +1,5 @@
 """The records: what is measured is right where closed forms say what it is, in every engine that is installed."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -13,7 +13,6 @@ from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.tools.evaluation.clearance import clearances, skin
 from smartmesh_ros.tools.evaluation.distance import Surface, nearest
 from smartmesh_ros.tools.evaluation.measures import held_up, penetration
-from studies.matrix.still_ground import angles_between
 from tests.terrain.surfaces import distances, highest, triangles_of
 
 
@@ -106,9 +105,3 @@ def test_a_falling_body_is_not_held_up_and_a_resting_one_is() -> None:
     before = np.array([[1.0, 0.0, -2.0], [0.0, 0.0, 0.0]])
     after = np.array([[1.0, 0.0, -2.0 - 9.81 / 240.0], [0.0, 0.0, 0.0]])
     assert held_up(before, after, 1.0 / 240.0).tolist() == [False, True]
-
-
-def test_angles() -> None:
-    small = np.radians(0.001)
-    normals = np.array([[np.sin(small), 0.0, np.cos(small)], [0.0, 0.0, -1.0]])
-    np.testing.assert_allclose(angles_between(normals, np.array([[0.0, 0.0, 1.0]] * 2)), [0.001, 180.0], rtol=1e-6)

@@ -19,7 +19,7 @@ from smartmesh_ros.tools.evaluation.grounds import make_ground
 from smartmesh_ros.tools.evaluation.scene import Scene, read_scenes
 from studies.matrix.arena import square
 from studies.matrix.moving_ground import WAVES
-from studies.matrix.uneven_maps import STAMPS, stamps_of
+from studies.matrix.real_maps import STAMPS, stamps_of
 
 Feed = Iterator[tuple[float, GridGeometry, NDArray[Any]]]
 GRID = square(61, 0.1)

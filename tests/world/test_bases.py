@@ -1,7 +1,5 @@
 """Bases drive as told: straight at the commanded speed, in turns at the commanded rate, until their time is over."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,8 +1,6 @@
 """An IMU measures what the closed forms say: at rest, in free fall, on a turntable, on wheels that roll; on ground that
 heaves: test_moving_forces.py."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Tracked bodies have their shapes: what they push, carry and let through is what their geometry says."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

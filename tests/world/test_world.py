@@ -50,12 +50,6 @@ def test_what_cannot_be_is_refused_and_nothing_changes(world: World, act: Callab
     assert world.state("ball").position[2] == pytest.approx(0.2, abs=1e-3)
 
 
-def test_impossible_physics_is_refused() -> None:
-    for bad in ({"rate": 0.0}, {"gravity": (0.0, math.nan, 0.0)}, {"restitution": 1.5}, {"friction": -0.1}):
-        with pytest.raises(InputError):
-            PhysicsConfig(**bad)  # type: ignore[arg-type]
-
-
 def test_a_tracked_body_that_is_not_heard_of_goes_no_farther(world: World) -> None:
     """However long its time-out is: its last velocity says nothing about so much later."""
     tracking = Tracking(world, timeout=60.0)

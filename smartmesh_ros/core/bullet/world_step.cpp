@@ -230,8 +230,10 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
       resist_rolling(contacts_, approach, pull, rows_);
     }
   }
-  const bool resists_rolling = !rows_.empty() && rows_[0].friction.rolling + rows_[0].friction.spinning > 0.0;
-  slot.ground_angular = resists_rolling ? contacts_[0].ground.angular : Vec3{};
+  // Friction against rolling, and that of robots if PyBullet's `frictionERP` is zero, aim at the proxy's velocity.
+  const bool turns = !rows_.empty() && (rows_[0].friction.rolling + rows_[0].friction.spinning > 0.0 ||
+                                        (contacts_[0].deck >= 0 && anchor_time(step) == 0.0));
+  slot.ground_angular = turns ? contacts_[0].ground.angular : Vec3{};
   if (rigid != nullptr) {  // robots have a solver with a cone of its own
     // Bullet's anisotropic friction acts against velocities alone.
     static const std::vector<OldContact> NONE;

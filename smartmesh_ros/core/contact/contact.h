@@ -19,7 +19,7 @@ enum class NormalOf { Ground, Body, Edges };
 // inside the ground. `body_feature`, `ground_feature`: names of the two features, equal from step to step. `material`,
 // `ground`: material of the ground there, and its motion, mean over the step. `deck`: number of the deck that it is on,
 // -1 = none. `yields` [1/kg]: change of the ground's velocity by an impulse along the normal. `body_edge`,
-// `ground_edge`: unit directions of edges that cross.
+// `ground_edge`: unit directions of edges that cross. `ground_turn` [1/s]: rate of change of the ground's.
 struct Contact {
   Vec3 point, normal;
   double distance;
@@ -29,7 +29,7 @@ struct Contact {
   int deck = -1;
   double yields = 0.0;
   NormalOf normal_of = NormalOf::Ground;
-  Vec3 body_edge{}, ground_edge{};
+  Vec3 body_edge{}, ground_edge{}, ground_turn{};
 };
 
 // Largest speed of a point of a shape after an impact elsewhere, in terms of the speeds before. The end of a rod whose

@@ -75,10 +75,14 @@ class CylinderTouch {
   double contact_distance_at(const Vec3& p) const { return approach_.contact_distance(approach_.velocity_at(p)); }
 
   void add(const Vec3& on_ground, const Vec3& n, double distance, int name, int ground,
-           NormalOf normal_of = NormalOf::Ground, const Vec3& edge = {}) {
+           NormalOf normal_of = NormalOf::Ground, const Edge* edge = nullptr) {
     if (distance > contact_distance_at(on_ground)) return;
     contacts_.push_back({on_ground, n, distance, name, ground});
-    contacts_.back().normal_of = normal_of, contacts_.back().body_edge = axis_, contacts_.back().ground_edge = edge;
+    contacts_.back().normal_of = normal_of;
+    if (edge == nullptr) return;
+    contacts_.back().body_edge = axis_;
+    contacts_.back().ground_edge = unit(patch_.points[edge->end[1]] - patch_.points[edge->end[0]]);
+    contacts_.back().ground_turn = patch_.turn_of(*edge);
   }
 
   // The point of each rim that is lowest over a facet, in the direction of its normal to the side of the cylinder, the
@@ -190,7 +194,7 @@ class CylinderTouch {
     const Crossing crossing{on_ground + n * distance, axis_, distance};
     if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, crossing)) return;
     add(on_ground, n, distance, name_of(BodyFeature::Side, 1), ground_name(patch_, edge.end[0], edge.end[1]),
-        NormalOf::Edges, unit(q - p));
+        NormalOf::Edges, &edge);
   }
 
   static bool is_on_edge(double t, double distance, double length2) {

@@ -127,6 +127,7 @@ void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& p
                         name_of(BodyFeature::Edge, index), ground_name(patch, other.end[0], other.end[1])});
     contacts.back().normal_of = normal_of;
     contacts.back().body_edge = unit(b - a), contacts.back().ground_edge = unit(q - p);
+    contacts.back().ground_turn = patch.turn_of(other);
   };
   for (int r = near.top; r < std::min(near.bottom + 1, cells.rows); ++r) {
     const int end = cells.edges[cells.at(r, std::min(near.right, cells.columns - 1)) + 1];

@@ -60,12 +60,11 @@ void slide_to_mid_step(const Convex& shape, const Contact& contact, const Approa
     const Vec3 v = approach.velocity_at(p) + approach.ground - contact.ground.velocity;
     return (v - n * dot(n, v)) * half;
   };
-  const auto rotated = [&](const Vec3& way, const Vec3& angular) { return way + cross(angular, way) * half; };
-  Vec3 at = contact.point, normal = rotated(n, approach.angular);
+  const auto rotated = [&](const Vec3& way) { return way + cross(approach.angular, way) * half; };
+  Vec3 at = contact.point, normal = rotated(n);
   if (contact.normal_of == NormalOf::Edges) {
     const Vec3 on_core = contact.point + n * (contact.distance + shape.rounding), then = on_core + slid(on_core);
-    const Vec3 edge = rotated(contact.body_edge, approach.angular),
-               other = rotated(contact.ground_edge, contact.ground.angular);
+    const Vec3 edge = rotated(contact.body_edge), other = contact.ground_edge + contact.ground_turn * half;
     double s, t;
     if (!nearest_on_lines(then, then + edge, at, at + other, s, t)) return;
     at = at + other * t, normal = cross(edge, other);
@@ -127,13 +126,14 @@ void place_in_mid_step(const Convex& shape, const Pose& pose, const std::vector<
       slide_to_mid_step(shape, contact, approach, rows[k]);
       continue;
     }
-    if (contact.distance <= 0.0) continue;
-    Vec3 angular = approach.angular;
-    // A round shape stays where it is if it spins: only what tilts its axis in the plane of the normal moves its
-    // surface.
-    if (const Vec3 tilts = unit(cross(contact.normal, axis)); is_round) angular = tilts * dot(angular, tilts);
     const Vec3 on_core = contact.point + contact.normal * (contact.distance + shape.rounding);
-    rows[k].at = contact.point + cross(angular, on_core - approach.centre) * (0.5 * approach.duration);
+    const Vec3 arm = (on_core - approach.centre) * (0.5 * approach.duration);
+    // Along the ground all move as in the middle of the step. Along the normal, what is in the ground stays there, and
+    // so does the surface of a round shape that spins: only what tilts its axis in the plane of the normal moves it.
+    Vec3 angular = contact.distance > 0.0 ? approach.angular : Vec3{};
+    if (const Vec3 tilts = unit(cross(contact.normal, axis)); is_round) angular = tilts * dot(angular, tilts);
+    rows[k].at = contact.point + cross(angular, arm);
+    rows[k].slide = rows[k].slide - cross(approach.angular, cross(approach.angular - angular, arm));
   }
 }
 
@@ -151,7 +151,9 @@ void resist_rolling(const std::vector<Contact>& contacts, const Approach& approa
     // What carries the weight of the body there stops it in the step.
     const Vec3 ahead = along * ((falls > 0.0 ? std::min(most, radius * speed / falls) : most) / speed);
     rows[k].at = rows[k].at + ahead;
-    rows[k].speed += dot(contact.normal, cross(approach.angular, ahead));
+    // There it turns as the body does: a spin about the normal makes no slip.
+    const Vec3 turns = cross(approach.angular, ahead);
+    rows[k].speed += dot(contact.normal, turns), rows[k].slide = rows[k].slide + turns;
   }
 }
 
@@ -162,7 +164,7 @@ void find_slips(const std::vector<Contact>& contacts, const std::vector<OldConta
     const auto along_ground = [&](const Vec3& v) { return v - contact.normal * dot(v, contact.normal); };
     const OldContact* old = matching(contact, before, approach.duration);
     const double friction = rows[k].friction.sliding, share = static_cast<double>(contacts.size()) / pull.mass;
-    const Vec3 slip = along_ground(approach.velocity_at(contact) + contact.ground.velocity - rows[k].slide);
+    const Vec3 slip = along_ground(approach.velocity_at(rows[k].at) + approach.ground - rows[k].slide);
     // Without friction, what does not slip would go where friction held it in the last step, and where it is pulled
     // since.
     const bool slips = old == nullptr || norm2(slip) > norm2(pull.now);

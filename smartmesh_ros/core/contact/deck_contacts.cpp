@@ -52,13 +52,15 @@ void DeckSearch::add(const Convex& shape, const Pose& pose, Deck& deck, const Ne
     const Vec3 p = contact.point;
     if (has_material) contact.material = deck.tiles.material(p.x, p.y, time);
     contact.point = frame.pose.to_world(p);
-    for (Vec3* way : {&contact.normal, &contact.body_edge, &contact.ground_edge}) *way = frame.pose.rotation * *way;
+    for (Vec3* way : {&contact.normal, &contact.body_edge, &contact.ground_edge, &contact.ground_turn})
+      *way = frame.pose.rotation * *way;
     contact.deck = near.number;
     contact.ground_feature ^= static_cast<int>(SPREAD * (near.number + 1u));
     if (body.ahead > 0.0) {
       const Vec3 chord = (end.to_world(p) - contact.point) * (1.0 / body.ahead);
       contact.ground.velocity = chord + end.rotation * contact.ground.velocity;
       contact.ground.angular = frame.velocity.angular + frame.pose.rotation * contact.ground.angular;
+      contact.ground_turn = contact.ground_turn + cross(frame.velocity.angular, contact.ground_edge);
     }
     contacts.push_back(contact);
   }

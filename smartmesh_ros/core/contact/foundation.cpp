@@ -62,7 +62,8 @@ void lay_on_foundation(const Convex& shape, const Pose& pose, const Approach& ap
     ContactRow& row = rows[k];
     const Vec3 at = pose.to_world(pressed.moment * (1.0 / pressed.volume) + normal * (speed * dt));
     const Vec3 differs = cross(contact.ground.angular, at - contact.point);  // velocity of the ground there
-    contact.ground.velocity = contact.ground.velocity + differs, row.slide = row.slide + differs;
+    const Vec3 turned = cross(approach.angular, row.at - contact.point);     // what the middle of the step differs by
+    contact.ground.velocity = contact.ground.velocity + differs, row.slide = row.slide + differs - turned;
     row.at = contact.point = at, row.normal = contact.normal;
     row.speed = dot(contact.normal, contact.ground.velocity) + (force + share * spring * dt * speed) / slope;
     row.softness = std::max(1.0 / (dt * slope), norm2(body.belt) > 0.0 ? 1.0 / body.mass : 0.0) + contact.yields;

@@ -92,7 +92,7 @@ Sample TileReader::across(std::size_t number, double row, double column) {
 GroundPoint TileReader::sample(double x, double y) {
   bool on_any;
   const TileFacet here = on_maps(x, y, ABOVE_ALL, on_any);
-  if (here.tile != nullptr) return {here.facet.height, here.tile->velocity(x, y, here.facet.velocity)};
+  if (here.tile != nullptr) return {here.facet.height, here.tile->velocity(x, y, here.facet.velocity, ahead_)};
   return on_any ? GroundPoint{NONE, {}} : bridged(x, y);
 }
 
@@ -110,7 +110,7 @@ GroundPoint TileReader::bridged(double x, double y) {
     if (std::isnan(edge.height)) continue;
     weights += 1.0 / distance;
     sum.height += edge.height / distance;
-    sum.velocity = sum.velocity + tile.velocity(x, y, edge.velocity) * (1.0 / distance);
+    sum.velocity = sum.velocity + tile.velocity(x, y, edge.velocity, ahead_) * (1.0 / distance);
     const Vec3 way = tile.pose.point(nearest, tile.grid->resolution) - Vec3{x, y, 0.0};
     for (const Vec3& other : ways) is_between |= way.x * other.x + way.y * other.y < 0.0;
     ways.push_back(way);

@@ -38,9 +38,10 @@ struct Tile {
 
   // Returns how far a place lies outside the map [m], along the axis where it is farthest.
   double beyond(const GridPoint& p) const;
-  // Returns the velocity of a facet of the map at (x, y) [m/s]. `vertical` [m/s]: its vertical velocity there.
-  Vec3 velocity(double x, double y, double vertical) const {
-    const Vec3 slide = pose.slide(x, y);
+  // Returns the mean velocity of a facet of the map at (x, y) over the time `ahead` [m/s]. `vertical` [m/s]: its
+  // vertical velocity there.
+  Vec3 velocity(double x, double y, double vertical, double ahead) const {
+    const Vec3 slide = pose.mean_slide(x, y, ahead);
     return {slide.x, slide.y, vertical};
   }
   // Returns the upward unit normal of a facet whose height changes so much per column and row [m].

@@ -51,7 +51,7 @@ GroundSample GroundReader::below(const Vec3& p) {
     const Clock& clock = grid.clock(static_cast<int>(place.row), static_cast<int>(place.column));
     const int row = static_cast<int>(std::lround(place.row)), column = static_cast<int>(std::lround(place.column));
     found = {here.facet.height, here.tile->normal(here.facet.per_column, here.facet.per_row),
-             here.tile->velocity(p.x, p.y, here.facet.velocity), tiles.time() - clock.time,
+             here.tile->velocity(p.x, p.y, here.facet.velocity, tiles.ahead()), tiles.time() - clock.time,
              grid.material_of(row, column).friction};
   }
   const MeshReader* mesh = nullptr;

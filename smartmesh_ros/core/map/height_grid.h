@@ -46,6 +46,14 @@ struct GridPose {
   Vec3 slide(double at_x, double at_y) const {
     return {slide_x - spin * (at_y - y), slide_y + spin * (at_x - x), spin};
   }
+  // Returns the mean of the velocity over a duration [s] of what is at a point now: it moves along an arc.
+  Vec3 mean_slide(double at_x, double at_y, double duration) const {
+    const Vec3 v = slide(at_x, at_y);
+    const double half = 0.5 * spin * duration;
+    if (half == 0.0) return v;
+    const double chord = std::sin(half) / half, c = chord * std::cos(half), s = chord * std::sin(half);
+    return {c * v.x - s * v.y, s * v.x + c * v.y, spin};
+  }
 };
 
 inline GridPoint to_grid(const GridPose& pose, double resolution, double x, double y) {

@@ -36,7 +36,7 @@ struct Window {
       found = slides[k];
     else if (pose.slides()) {
       const Vec3 p = point(row, column);
-      found = pose.slide(p.x, p.y);
+      found = pose.mean_slide(p.x, p.y, ahead);
     }
     found.z = rises[k] / ahead;
     return found;

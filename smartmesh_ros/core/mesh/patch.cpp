@@ -11,6 +11,8 @@ namespace {
 
 // Distance from a facet within which a point lies on it [m].
 constexpr double NEAR = 1e-6;
+// Least weight of a corner below which a point of a facet is on its edge.
+constexpr double AT_EDGE = 1e-9;
 
 }  // namespace
 
@@ -42,7 +44,7 @@ GroundMotion Patch::motion_at(const Vec3& p) const {
   if (velocities.empty()) return {};
   const Facet* nearest = nullptr;
   Vec3 velocity;
-  double least = 1e300, weights[3];
+  double least = 1e300, inside = 0.0, weights[3];
   const auto look = [&](int first, int end) {
     for (int f = first; f < end; ++f) {
       const auto& [k, normal, size] = facets[f];
@@ -50,14 +52,36 @@ GroundMotion Patch::motion_at(const Vec3& p) const {
       if (from_plane * from_plane >= least) continue;
       const double distance2 = nearest_weights(p, points[k[0]], points[k[1]], points[k[2]], normal, weights);
       if (distance2 >= least) continue;
-      least = distance2, nearest = &facets[f];
+      least = distance2, nearest = &facets[f], inside = std::min({weights[0], weights[1], weights[2]});
       velocity = velocities[k[0]] * weights[0] + velocities[k[1]] * weights[1] + velocities[k[2]] * weights[2];
     }
   };
   const CellRange here = cells.near(p.x, p.y, 0.0, 0.0);
   if (!here.empty()) look(cells.facets[cells.at(here.top, here.left)], cells.facets[cells.at(here.top, here.left) + 1]);
   if (least > NEAR * NEAR) look(0, static_cast<int>(facets.size()));
-  return {velocity, nearest == nullptr ? Vec3{} : angular_velocity(*nearest)};
+  if (nearest == nullptr) return {velocity, {}};
+  return {velocity, inside > AT_EDGE ? angular_velocity(*nearest) : angular_velocity_around(p, *nearest)};
+}
+
+Vec3 Patch::angular_velocity_around(const Vec3& p, const Facet& nearest) const {
+  Vec3 sum;
+  int count = 0;
+  double weights[3];
+  const CellRange near = cells.near(p.x, p.y, NEAR, NEAR);
+  for (int r = near.top; r < near.bottom; ++r) {
+    for (int f = cells.facets[cells.at(r, near.left)]; f < cells.facets[cells.at(r, near.right - 1) + 1]; ++f) {
+      const auto& [k, normal, size] = facets[f];
+      if (std::abs(dot(normal, p - points[k[0]])) > NEAR) continue;
+      if (nearest_weights(p, points[k[0]], points[k[1]], points[k[2]], normal, weights) > NEAR * NEAR) continue;
+      sum = sum + angular_velocity(facets[f]), ++count;
+    }
+  }
+  return count > 0 ? sum * (1.0 / count) : angular_velocity(nearest);
+}
+
+Vec3 Patch::turn_of(const Edge& edge) const {
+  const auto& [a, b] = edge.end;
+  return velocities.empty() ? Vec3{} : (velocities[b] - velocities[a]) * (1.0 / norm(points[b] - points[a]));
 }
 
 Vec3 Patch::angular_velocity(const Facet& facet) const {

@@ -71,12 +71,17 @@ struct Patch {
 
   // Makes all features one cell, if they are not divided, and finds the highest point.
   void finish();
-  // Returns the motion of the ground at a point of it, by the facet nearest to the point.
+  // Returns the motion of the ground at a point of it, by the facet nearest to the point; on edges and corners the
+  // angular velocity is the mean of those of the facets there.
   GroundMotion motion_at(const Vec3& p) const;
   // Returns the number of the mesh that a facet belongs to, from 1, 0 = height maps.
   long mesh_of(const Facet& facet) const { return is_mesh ? names[facet.corner[0]] >> MESHES_NAMED : 0; }
   // Returns the angular velocity of a facet [rad/s].
   Vec3 angular_velocity(const Facet& facet) const;
+  // Returns the mean angular velocity of the facets that a point lies on, else that of the nearest [rad/s].
+  Vec3 angular_velocity_around(const Vec3& p, const Facet& nearest) const;
+  // Returns the rate of change of an edge, by its length [1/s].
+  Vec3 turn_of(const Edge& edge) const;
   void clear() {
     cells.rows = cells.columns = 0;
     steepest = -1.0;

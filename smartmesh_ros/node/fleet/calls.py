@@ -37,7 +37,7 @@ class Calls:
         return await self._call(node, RemoveBodies, names, ids=names)
 
     def give_up(self, node: str) -> None:
-        """End the open calls to a node that died."""
+        """End the open calls to a node that died or restarted."""
         for owner, future in self._open:
             if owner == node and not future.done():
                 future.set_result(None)

@@ -6,6 +6,7 @@ A process that ends is restarted. Stop the fleet with Ctrl-C or SIGTERM, or set 
 from __future__ import annotations
 
 import argparse
+import math
 import subprocess
 import sys
 import tempfile
@@ -24,7 +25,9 @@ from smartmesh_msgs.msg import BodySpecification, Timing
 from smartmesh_msgs.srv import SpawnBodies
 
 from smartmesh_ros.node.fleet.layout import WAVES, FleetPlan, front_of
+from smartmesh_ros.node.parameters.settings import MOST_BODIES
 from smartmesh_ros.node.running import Stop, init
+from smartmesh_ros.startup.arguments import Parser, number
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 
 # Limit of every wait [s], generous for a busy machine.
@@ -137,10 +140,11 @@ def run(plan: FleetPlan, bodies: int, seconds: float) -> None:
 
 def main(args: list[str] | None = None) -> None:
     """Run the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--nodes", type=int, default=4, help="nodes that share the terrain")
-    parser.add_argument("--bodies", type=int, default=100, help="balls on it")
-    parser.add_argument("--seconds", type=float, default=float("inf"), help="duration; default: until Ctrl-C")
+    parser = Parser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--nodes", type=number(int, 1, 100), default=4, help="nodes that share the terrain")
+    parser.add_argument("--bodies", type=number(int, 0, MOST_BODIES), default=100, help="balls on it")
+    seconds = number(float, 0.0, math.inf)
+    parser.add_argument("--seconds", type=seconds, default=math.inf, help="duration; default: until Ctrl-C")
     parser.add_argument(
         "--spread", choices=("fewest", "tiles"), default="fewest", help="rule that assigns bodies to nodes"
     )

@@ -173,6 +173,8 @@ def refused_arguments() -> Iterator[None]:
     """Raise `InputError` in place of rclpy's errors about arguments of ROS and about types of its own parameters."""
     try:
         yield
+    except UnicodeEncodeError as error:
+        raise InputError("arguments", f"an argument is no UTF-8: {error.object!a}") from None
     except rclpy_implementation.UnknownROSArgsError as error:
         raise InputError("arguments", f"unknown arguments of ROS: {error}; try --help") from None
     except rclpy_implementation.RCLInvalidROSArgsError as error:

@@ -116,18 +116,15 @@ class PublishRates:
         return self.patches if output in GROUND_OUTPUTS else self.body_states
 
 
-# Where a described robot starts if ``robot.start`` is empty.
-START = "{id: robot, xy: [0.0, 0.0], above: 0.5}"
-
-
 @dataclass(frozen=True, kw_only=True)
 class RobotConfig:
     """The robot of the parameters ``robot.*``. ``description``: URDF text or the path of a URDF file; empty = the robot
-    on ``~/robot_description``, if any. ``start``: its name and where it starts, as an entry of ``bodies.spawn``; empty
-    = `START`."""
+    on ``~/robot_description``, if any. ``start``: its name and where it starts, as the one entry of ``bodies.spawn``.
+    """
 
     description: str = ""
-    start: str = ""  # not `START` itself: `ros2 param load` fails on texts that are mappings of YAML
+    # A list, because `ros2 param load` fails on texts that are mappings of YAML.
+    start: tuple[str, ...] = ("{id: robot, xy: [0.0, 0.0], above: 0.5}",)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,7 @@ from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.declaring import Spec
 from smartmesh_ros.node.parameters.entries import deck_entries, output_entries, shape_entries
 from smartmesh_ros.node.parameters.helping import files_of, mismatch
-from smartmesh_ros.node.parameters.settings import START, Settings, TerrainChanges, body_sources, peer_names
+from smartmesh_ros.node.parameters.settings import Settings, TerrainChanges, body_sources, peer_names
 from smartmesh_ros.terrain.motion import MOST_SMOOTHING
 
 ConfigT = TypeVar("ConfigT")
@@ -129,8 +129,8 @@ SPECS = (
         "simulates the peer's body, as a guest [m]; fast bodies earlier.", 0.01, 1000.0, place="world.guests.margin"),
     _fixed("robot.description", "URDF of a robot, or the path of a URDF file; empty = the robot on "
         "~/robot_description, if any."),
-    _fixed("robot.start", "Name of that robot and where it starts, a YAML mapping as of bodies.spawn with xy, "
-        f"yaw, and above or clearance and align; empty = {START}."),
+    _fixed("robot.start", "Name of that robot and where it starts, one YAML mapping as of bodies.spawn with xy, "
+        "yaw, and above or clearance and align."),
     _param("publish.patches", "Rate of ~/patches, ~/collider_patches, ~/scene and ~/pressed_ground, and of ~/sinkage "
         "up to 1 Hz [Hz]; 0 = never.", 0.0, 1000.0),
     _param("publish.body_states", "Rate of ~/body_states, ~/contacts, ~/contact_wrenches, ~/joint_states and "

@@ -60,14 +60,16 @@ def entries_from(texts: Sequence[str]) -> dict[str, Entry]:
     return {entry.name: entry for entry in entries_of("bodies.spawn", texts, _KEYS, _entry, owner="id")}
 
 
-def start_from(text: str) -> Entry:
-    """Return the entry of a robot whose URDF comes later, of the parameter ``robot.start``. Raises `InputError`."""
+def start_from(texts: Sequence[str]) -> Entry:
+    """Return the one entry of the parameter ``robot.start``, of a robot whose URDF comes later. Raises `InputError`."""
 
     def entry(found: dict[str, Any], place: int) -> Entry:
         return _entry({**found, "urdf": "of the description"}, place)
 
-    [start] = entries_of("robot.start", [text], _PLACE, entry, owner="id")
-    return start
+    starts = entries_of("robot.start", texts, _PLACE, entry, owner="id")
+    if len(starts) != 1:
+        raise InputError("parameter", f"robot.start has {len(starts)} entries; the robot starts at one place")
+    return starts[0]
 
 
 def _entry(found: dict[str, Any], _: int) -> Entry:

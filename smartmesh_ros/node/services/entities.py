@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from itertools import product
+from threading import current_thread, main_thread
 from typing import Any
 
 import numpy as np
@@ -22,6 +25,8 @@ CLASSES = {
     "graph": r"\x21-\x7e", "lower": "a-z", "print": r"\x20-\x7e", "punct": r"!-/:-@\[-`{-~", "space": r"\s",
     "upper": "A-Z", "xdigit": "0-9a-fA-F",
 }  # fmt: skip
+# Longest search of all names [s]. Python takes forever to find that ^(\w+)+$ does not fit a long name with a hyphen.
+LONGEST_SEARCH = 0.2
 
 
 def select(world: World, filters: Any, bounds: Any, info: Callable[[Body], Any]) -> list[str]:
@@ -29,23 +34,45 @@ def select(world: World, filters: Any, bounds: Any, info: Callable[[Body], Any])
     ``info``: returns the EntityInfo message of a body.
 
     The name filter is a regular expression, which is found in names as Python does. The bounds filter uses the
-    axis-aligned bounds of bodies. Raises `InputError`.
+    axis-aligned bounds of bodies. Raises `InputError`, also if the search takes longer than `LONGEST_SEARCH`.
     """
     try:
         pattern = re.compile(re.sub(r"\[:(\w+):\]", _class, filters.filter))
+        with _limited(LONGEST_SEARCH):
+            found = [body for body in world.bodies.values() if not body.owner and pattern.search(body.name)]
     except (re.error, OverflowError, RecursionError) as error:
         raise InputError("filter", f"{filters.filter[:200]!r} is not a regular expression: {error}") from None
+    except TimeoutError:
+        words = f"takes longer than {LONGEST_SEARCH:g} s to search the names; repeat no group that repeats itself"
+        raise InputError("filter", f"{filters.filter[:200]!r} {words}") from None
     near = _bounds_filter(world, filters.bounds, bounds)
     categories = {wanted.category for wanted in filters.categories}
     names = []
-    for body in world.bodies.values():
-        if body.owner or not pattern.search(body.name):
-            continue
+    for body in found:
         known = info(body)
         fits = known.category.category in categories or not categories
         if fits and tagged(known.tags, filters.tags) and near(body):
             names.append(body.name)
     return names
+
+
+@contextmanager
+def _limited(seconds: float) -> Iterator[None]:
+    """Raise `TimeoutError` in the block after so long [s]. Only the main thread can be interrupted."""
+    if current_thread() is not main_thread():
+        yield
+        return
+
+    def end(*_: object) -> None:
+        raise TimeoutError
+
+    before = signal.signal(signal.SIGALRM, end)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def _class(found: re.Match[str]) -> str:

@@ -17,7 +17,6 @@ from smartmesh_ros.errors import InputError, naming
 from smartmesh_ros.ground.quaternions import Z, about
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.node.parameters.settings import START
 from smartmesh_ros.node.services.body_entries import Entry, entries_from, start_from
 from smartmesh_ros.node.services.files import robot_name, with_package_paths
 from smartmesh_ros.node.services.turns import NextTurn
@@ -180,7 +179,7 @@ class RobotDescription:
         self._session, self._bodies = session, bodies
         self._urdf = ""
         self._received = self._applied = 0  # numbers of descriptions
-        self._entry = start_from(session.settings.robot.start or START)
+        self._entry = start_from(session.settings.robot.start)
         if session.settings.robot.description:
             with naming("robot.description"):
                 self._take(prepare_robot(with_package_paths(session.settings.robot.description)))

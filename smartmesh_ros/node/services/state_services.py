@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from array import array
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
@@ -35,7 +36,8 @@ class StateServices:
 
     def _on_save(self, request: Any, response: Any) -> None:
         file = _file_of(request.file) if request.file else None
-        if file is not None and file.exists() and not state_file.is_state(state_file.read(file)):
+        exists = os.path.exists  # unlike that of a `Path`, False for what is no path
+        if file is not None and exists(file) and not state_file.is_state(state_file.read(file)):
             raise InputError("state", f"{file} is there, and is no saved state; choose another name")
         initial, robot = self._node.initial, self._node.robot
         extra = {"frame_id": self._session.frame_id, "waiting": initial.waiting, "described": robot.described}

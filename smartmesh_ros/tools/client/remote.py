@@ -127,6 +127,12 @@ class Remote:
         return bool(self.node.count_publishers(f"{self.name}/{STATES}"))
 
     @property
+    def runs(self) -> frozenset[tuple[int, ...]]:
+        """A name of each run of the node that is discovered: one that was killed stays for seconds beside the next."""
+        publishers = self.node.get_publishers_info_by_topic(f"{self.name}/{STATES}")
+        return frozenset(tuple(publisher.endpoint_gid) for publisher in publishers)
+
+    @property
     def missing(self) -> str:
         """That there is no node of this name, and which ones there are; empty if there is."""
         if self.is_running:

@@ -12,7 +12,6 @@ import argparse
 import math
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -30,7 +29,7 @@ from visualization_msgs.msg import MarkerArray
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.running import Stop, init
 from smartmesh_ros.scenes.eight import robot_file
-from smartmesh_ros.startup.arguments import number
+from smartmesh_ros.startup.arguments import make_folder, number
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.client.command import Caller
@@ -186,10 +185,9 @@ def main(args: list[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder of the pictures (%(default)s)")
     options = parser.parse_args(args)
     try:
-        options.out.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=options.out).close()
-    except OSError as error:
-        sys.exit(f"demo cannot write pictures: {error}; name another folder by --out")
+        make_folder(options.out)
+    except InputError as error:
+        sys.exit(f"demo failed: {error}")
     use_large_message_profile()
     Stop()  # the first signal raises KeyboardInterrupt; later ones leave the processes the time to end
     try:

@@ -6,6 +6,7 @@ Started beside a terrain_collider with soil, as ``soil.launch.py rover:=true`` d
 from __future__ import annotations
 
 from collections.abc import Sequence
+from time import monotonic
 from typing import Any
 
 from sensor_msgs.msg import JointState
@@ -28,6 +29,8 @@ SPECS = (
 )
 # Period of the checks for listeners and for the spawn service [s].
 PERIOD = 0.2
+# Time after which a call without an answer is repeated [s]: the collider may have been killed while it had the call.
+PATIENCE = 10.0
 
 
 class Rover(ParameterNode):
@@ -45,7 +48,7 @@ class Rover(ParameterNode):
         self._commands = self.create_publisher(JointState, "terrain_collider/joint_commands", 10)
         self._spawner = self.create_client(SpawnBody, "terrain_collider/spawn_body")
         self.create_subscription(TrackedBodyArray, "terrain_collider/body_states", self._steer, 10)
-        self._has_published = self._is_spawning = False
+        self._has_published, self._call_at = False, 0.0
         self._way = 0.0
         self._starting = self.create_timer(PERIOD, self._start)
 
@@ -55,15 +58,15 @@ class Rover(ParameterNode):
                 header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._frame_id)
                 self._maps.publish(heightmap_message(header, self._ground.geometry, self._ground.heights))
                 self._has_published = True
-        elif not self._is_spawning and self._spawner.service_is_ready():
-            self._is_spawning = True
+        elif monotonic() >= self._call_at and self._spawner.service_is_ready():
+            self._call_at = monotonic() + PATIENCE
             request = SpawnBody.Request(id=ROBOT, urdf=str(eight.robot_file()), on_ground=True, align=True)
             request.pose.position.x, request.pose.position.y = eight.PLACE
             self._spawner.call_async(request).add_done_callback(self._spawned)
 
     def _spawned(self, future: Any) -> None:
         """Stop waiting if the robot was spawned; else, such as before the collider has its map, try again."""
-        self._is_spawning = False
+        self._call_at = 0.0
         if future.result().success:
             self._starting.cancel()
         else:

@@ -91,8 +91,8 @@ def _run(options: argparse.Namespace) -> int:
     bag, names, line = Bag(options.bag), Names(rules=rules_of(options.remap)), ProgressLine()
     parameters = read_parameters(options.params_file, options.param, names.node)
     file = None if options.output is None else new_file(options.output)
-    if file is not None and options.output.exists() and options.output.samefile(bag.path):
-        raise InputError("file", f"-o {options.output} is the bag itself; name another file")
+    if file is not None and file.path.exists() and bag.path.resolve() in (place := file.path.resolve(), place.parent):
+        raise InputError("file", f"-o {file.path} is the bag itself, or one of its files; name another file")
     wanted = options.topics and {names.full(topic) for topic in options.topics}
 
     def record(publisher: Publisher) -> Sink | None:
@@ -107,7 +107,7 @@ def _run(options: argparse.Namespace) -> int:
         begun = monotonic()
         with Interruption() as asked, file or nullcontext():
             for _ in replay.steps(until):
-                line.show(replay.time / min(bag.end - replay.clock.start, until))
+                line.show(replay.time / max(min(bag.end - replay.clock.start, until), 1e-9))
                 if asked:
                     break
             line.clear()

@@ -23,7 +23,7 @@ FOREVER = QosTime(9223372036, 854775807)
 
 class McapFile:
     """A new file at ``path``, which is there after the block. ``counts``: of its messages by topic. Raises
-    `InputError` if its folder cannot be written."""
+    `InputError` if it is a folder, or its folder cannot be written."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -31,6 +31,8 @@ class McapFile:
         self._connections: dict[str, Any] = {}
 
     def __enter__(self) -> McapFile:
+        if self.path.is_dir():
+            raise InputError("file", f"{self.path} is a folder; name a file")
         # A bag is a folder; the file that it holds takes its place in the end.
         try:
             self._folder = TemporaryDirectory(prefix=f".{self.path.stem}.", dir=self.path.parent)

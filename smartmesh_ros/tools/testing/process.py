@@ -9,8 +9,10 @@ import sys
 import tempfile
 import weakref
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from contextlib import suppress
 from pathlib import Path
+from threading import Thread
 from typing import IO, Any, ClassVar
 
 import yaml
@@ -44,9 +46,24 @@ def executable(name: str, package: str = "smartmesh_ros") -> Path:
 
 
 def start_command(command: list[str], log: IO[bytes], environment: dict[str, str]) -> subprocess.Popen[bytes]:
-    """Start a command as a child that ends with this process at the latest, on Linux even if that is killed."""
+    """Start a command as a child that ends with this process at the latest, on Linux even if that is killed.
+
+    For Linux the parent is the thread that starts the child, so that thread waits for the child's end.
+    """
     starter = [sys.executable, "-I", "-S", "-c", _EXIT_WITH_PARENT, str(os.getpid())]
-    return subprocess.Popen([*starter, *command], stdout=log, stderr=subprocess.STDOUT, env=environment)
+    started: Future[subprocess.Popen[bytes]] = Future()
+
+    def run() -> None:
+        try:
+            child = subprocess.Popen([*starter, *command], stdout=log, stderr=subprocess.STDOUT, env=environment)
+        except BaseException as error:  # noqa: BLE001  # raised where the result is awaited
+            started.set_exception(error)
+        else:
+            started.set_result(child)
+            child.wait()
+
+    Thread(target=run, daemon=True).start()
+    return started.result()
 
 
 class Process:

@@ -15,6 +15,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.running import Stop
+from smartmesh_ros.startup.arguments import make_folder
 from smartmesh_ros.tools.replay.cli import INTERRUPTED, ProgressLine, add_node_arguments, ended, rules_of
 from smartmesh_ros.tools.replay.parameters import preset_values, read_parameters
 from smartmesh_ros.tools.replay.transport import Names
@@ -28,6 +30,8 @@ LIMITS = {"budget": "cost", "penetration": "penetration", "deadline": "longest"}
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Search, and return the exit code: 0 = limits met, 1 = limits not met, 2 = cannot start, 130 = interrupted."""
+    if arguments is None:
+        Stop()  # the first signal raises KeyboardInterrupt; later ones leave the processes the time to end
     try:
         return ended(parser(), arguments, _run, needs="rosbags matplotlib")
     except KeyboardInterrupt:
@@ -36,8 +40,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
+    make_folder(options.out)
     result = find(options)
-    options.out.mkdir(parents=True, exist_ok=True)
     file = options.out / f"{result.case.name}_{'tuned' if result.keeps else 'nearest'}.yaml"
     file.write_text(parameter_file(result))
     print("\n".join(closing_lines(result)))

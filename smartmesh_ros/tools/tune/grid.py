@@ -61,6 +61,10 @@ def measure_all(case: Case, jobs: int, say: Callable[[int, int], None] = lambda 
                 say(len(found), len(work))
         except BrokenProcessPool:
             raise InputError("jobs", "a process ended before its setting was measured; see its output above") from None
+        except KeyboardInterrupt:
+            for child in multiprocessing.active_children():
+                child.terminate()
+            raise
         finally:
             pool.shutdown(cancel_futures=True)
     _, reference = found.pop(len(tried))

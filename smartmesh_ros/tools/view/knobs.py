@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from contextlib import suppress
+from functools import partial
+from time import monotonic
 from typing import Any, NamedTuple
 
 import yaml
@@ -15,6 +17,8 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.client.parameters import parameter_from
 from smartmesh_ros.tools.client.remote import Remote
 
+# Time after which questions without an answer are asked again [s]: the node may have been killed.
+PATIENCE = 3.0
 # Prefix of a description's constraints that list choices.
 CHOICES = "one of "
 # Widest range of a slider, in multiples of the value, and minimum number of steps of a slider.
@@ -85,7 +89,7 @@ def nice_step(value: float, low: float, high: float) -> float:
 
 
 class KnobPanel:
-    """Reads a node's parameters once, and keeps the widgets equal to them."""
+    """Reads a node's parameters, anew when it was restarted, and keeps the widgets equal to them."""
 
     def __init__(self, server: Any, remote: Remote, tab: Any) -> None:
         self._server, self._remote, self._tab = server, remote, tab
@@ -93,15 +97,18 @@ class KnobPanel:
         self._values: dict[str, Any] = {}  # the node's values, as shown
         self._pending: dict[str, Any] = {}  # the newest values that are not sent yet, by the page's threads
         self._busy: set[str] = set()  # parameters whose answer is outstanding
-        self._asked = False
+        self._shown: frozenset[Any] = frozenset()  # runs of the node whose parameters are shown
+        self._ask_at = 0.0  # [s]
         with tab:
             self._state = server.gui.add_markdown("waiting for the node's parameters ...")
 
     def update(self) -> None:
         """Send the user's changes to the node, and show the node's changes."""
-        if not self._asked and self._remote.parameters.services_are_ready():
-            self._asked = True
-            self._remote.parameters.list_parameters().add_done_callback(self._on_names)
+        runs, now = self._remote.runs, monotonic()
+        if runs - self._shown and now >= self._ask_at and self._remote.parameters.services_are_ready():
+            self._ask_at = now + PATIENCE
+            self._busy.clear()
+            self._remote.parameters.list_parameters().add_done_callback(partial(self._on_names, runs))
         for name in self._pending.keys() - self._busy:
             value = self._pending.pop(name)
             if value != self._values[name]:
@@ -112,21 +119,24 @@ class KnobPanel:
             if name not in self._pending and name not in self._busy:
                 self._knobs[name][1].value = self._values[name]
 
-    def _on_names(self, answer: Any) -> None:
+    def _on_names(self, runs: frozenset[Any], answer: Any) -> None:
         names = sorted(answer.result().result.names)
-        self._remote.parameters.describe_parameters(names).add_done_callback(self._on_descriptors)
+        self._remote.parameters.describe_parameters(names).add_done_callback(partial(self._on_descriptors, runs))
 
-    def _on_descriptors(self, answer: Any) -> None:
+    def _on_descriptors(self, runs: frozenset[Any], answer: Any) -> None:
         found = answer.result().descriptors
         self._remote.parameters.get_parameters([descriptor.name for descriptor in found]).add_done_callback(
-            lambda values: self._build(found, values.result().values)
+            lambda values: self._build(runs, found, values.result().values)
         )
 
-    def _build(self, descriptors: Any, values: Any) -> None:
+    def _build(self, runs: frozenset[Any], descriptors: Any, values: Any) -> None:
+        self._shown = runs
         groups: dict[str, list[Knob]] = defaultdict(list)
         for descriptor, value in zip(descriptors, values, strict=True):
-            knob = knob_of(descriptor, parameter_value_to_python(value))
-            if knob is not None:
+            plain = parameter_value_to_python(value)
+            if descriptor.name in self._knobs:
+                self._remote.changed_parameters.setdefault(descriptor.name, [] if plain is None else plain)
+            elif (knob := knob_of(descriptor, plain)) is not None:
                 groups[knob.name.partition(".")[0] if "." in knob.name else "other"].append(knob)
         with self._tab:
             self._state.content = "Values that may change while the node runs. Fixed ones need a restart."

@@ -152,8 +152,16 @@ def test_no_bag_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert "there is no bag nowhere" in words_of(capsys, "nowhere")
     assert "notes.txt is no bag" in words_of(capsys, tmp_path / "notes.txt")
     single = next(written(tmp_path / "bag").glob("*.mcap"))
-    assert "is the bag itself" in words_of(capsys, single, "-o", single)
+    for bag in (single, single.parent):
+        assert "is the bag itself, or one of its files" in words_of(capsys, bag, "-o", single)
+    assert "is a folder; name a file" in words_of(capsys, single, "-o", tmp_path)
     assert main([str(single), "-o", str(tmp_path / "out.mcap")]) == 0
+
+
+def test_a_bag_of_one_instant_is_replayed_like_any_other(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bags.write(tmp_path / "bag", [(MAP, 1.0, heightmap_message([[0.0] * 3] * 3))] * 2)
+    assert main([str(tmp_path / "bag")]) == 0
+    assert "replayed 0.000 s" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

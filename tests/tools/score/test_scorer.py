@@ -1,7 +1,5 @@
 """Scores of maps whose errors are known."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,21 +1,26 @@
 """The measure is right, the command goes from its beginning to its file, and the node loads what it writes."""
 
 import math
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 import yaml
 from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python
 
-from smartmesh_ros.tools.testing import Probe, bags, heightmap_message
+from smartmesh_ros.tools.replay.cli import INTERRUPTED
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, bags, executable, heightmap_message
 from smartmesh_ros.tools.tune import cli, grid
 from smartmesh_ros.tools.tune.case import open_case
 from smartmesh_ros.tools.tune.grid import KNOWN
 from smartmesh_ros.tools.tune.measuring import measure
+from tests.node.shared import wait_until
+from tests.preloaded import has_ended
 
 SCENE = {
     "title": "Three balls on a small wave",
@@ -126,6 +131,25 @@ def test_corrected_ground_is_the_one_that_the_node_shows(tmp_path: Path) -> None
     assert measure(case, {})[0].penetration < 1e-3
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_search_and_its_processes(number: signal.Signals, tmp_path: Path) -> None:
+    """And what follows in a script sees that there is no result."""
+    command = [str(executable("tune")), "flat", "--seconds", "1000", "--out", str(tmp_path)]
+    with (tmp_path / "log").open("w") as log:
+        search = psutil.Popen(command, stdout=log, stderr=log)
+        try:
+            # The tracker of resources, the server of forks, and what that makes.
+            wait_until(lambda: len(search.children(recursive=True)) > 2)
+            children = search.children(recursive=True)
+            search.send_signal(number)
+            assert search.wait(TIMEOUT) == INTERRUPTED
+            wait_until(lambda: all(has_ended(child.pid) for child in children))
+        finally:
+            if search.poll() is None:
+                search.kill()
+    assert "Traceback" not in (tmp_path / "log").read_text()
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -133,6 +157,7 @@ def test_corrected_ground_is_the_one_that_the_node_shows(tmp_path: Path) -> None
         (["flat", "--jobs", "0"], "--jobs is 0"),
         (["flat", "-p", "physics.rats:=0.1"], "did you mean 'physics.rate'?"),
         (["flat", "--preset", "swift"], "there is no preset 'swift'; choose accurate"),
+        (["flat", "--out", "/proc/nowhere"], "nothing can be written in /proc/nowhere"),
         (["nowhere"], "no bag and no scene 'nowhere'; the scenes are crater"),
         (["bag"], "no simulated body stayed over the ground"),
         (["bag", "-r", f"{MAP}:=/maps"], "nothing here is for /terrain_collider"),
@@ -149,6 +174,6 @@ def test_what_cannot_be(
     monkeypatch.setattr(grid, "GRID", {name: (value,) for name, value in KNOWN.items()})
     source, *others = arguments
     given = recorded(tmp_path / "bag") if source == "bag" else source
-    assert cli.main([given, *others, "--out", str(tmp_path / "out")]) == 2
+    assert cli.main([given, "--out", str(tmp_path / "out"), *others]) == 2
     said = capsys.readouterr().err
     assert words in said and "Traceback" not in said
