@@ -48,11 +48,13 @@ class Underside:
         self._poses = poses
 
     def samples(self, state: BodyState) -> tuple[FloatArray, float]:
-        """Return points (n, 3) [m] of the surface in a state, and their spacing [m]."""
+        """Return points (n, 3) [m] of the surface in a state, among them the lowest of each part, and their spacing
+        [m]."""
         low, high = self._core.bounds(self._placed(state))
         axes = [np.linspace(low[axis], high[axis], SAMPLES) for axis in (0, 1)]
         xy = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-        return self.at(state, xy), float(max(high[:2] - low[:2])) / (SAMPLES - 1)
+        points = np.concatenate([self.at(state, xy), self.lowest(state, np.array([[0.0, 0.0, 1.0]]))])
+        return points, float(max(high[:2] - low[:2])) / (SAMPLES - 1)
 
     def at(self, state: BodyState, xy: FloatArray) -> FloatArray:
         """Return the points (n, 3) [m] of the surface in a state at some of ``xy`` (N, 2) [m]: where there is one."""

@@ -103,6 +103,21 @@ def test_alignment_follows_the_slope_and_keeps_the_heading() -> None:
     assert (np.array(state.position) - (4.0, 4.0, 1.6)) @ up == pytest.approx(0.1, abs=FOUND)
 
 
+def test_a_robot_on_legs_as_thin_as_wires_stands_on_them() -> None:
+    """Which are between all samples of its underside."""
+    shape = "<collision><geometry><{}/></geometry></collision>"
+    box, wire = 'box size="0.6 0.4 0.1"', 'cylinder radius="0.001" length="0.4"'
+    base = f'<link name="base">{shape.format(box)}</link>'
+    legs = ""
+    for number, (x, y) in enumerate(((0.211, 0.137), (0.211, -0.137), (-0.211, 0.137), (-0.211, -0.137))):
+        legs += f'<link name="leg{number}">{shape.format(wire)}</link>'
+        legs += f'<joint name="j{number}" type="fixed"><parent link="base"/><child link="leg{number}"/>'
+        legs += f'<origin xyz="{x} {y} -0.15"/></joint>'
+    with World(hills(0.0)) as world:
+        world.spawn_robot("table", f'<robot name="table">{base}{legs}</robot>', BodyState(), on_ground=True)
+        assert world.base_state("table").position[2] == pytest.approx(0.35, abs=FOUND)
+
+
 def test_it_moves_with_the_ground() -> None:
     heightmap = HeightMap(np.zeros((50, 50)), resolution=0.1)
     for number in range(1, 5):

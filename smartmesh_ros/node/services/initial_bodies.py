@@ -130,8 +130,10 @@ class InitialBodies:
             self._session.turns.begin(self._stand(self._entries[name]))
 
     async def _stand(self, entry: Entry) -> None:
-        """Spawn the body of an entry in the next turn, unless there is another scene by then."""
-        await NextTurn()
+        """Spawn the body of an entry; one on the ground, which takes longer, in the next turn, unless there is another
+        scene by then."""
+        if entry.on_ground:
+            await NextTurn()
         try:
             with self._session.lock:
                 if self._entries.get(entry.name) is entry and not self._spawn(entry):
