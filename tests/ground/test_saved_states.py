@@ -44,7 +44,7 @@ moving = pytest.mark.parametrize("scene", [False], indirect=True)
 
 @both
 def test_a_restored_world_goes_on_to_the_bit_here_and_in_a_new_process(scene: Scene, tmp_path: Path) -> None:
-    scene.run(170)
+    scene.run(150)
     file = tmp_path / "state.npz"
     data = scene.ground.save_state(file)
     first = scene.run(STEPS)

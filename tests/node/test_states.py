@@ -106,10 +106,10 @@ def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(tmp_path: Path
 
 def test_an_error_that_nobody_expects_is_the_answer_and_the_node_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """In the first turn of a call, and in a later one."""
-    ball = SpawnBody.Request(id="other", shape=BALL, mass=1.0, pose=pose_message((5.0, 5.0, 0.0)), on_ground=True)
+    rover = SpawnBody.Request(id="other", urdf=Path(ROVER).read_text(), pose=pose_message((5.0, 5.0, 0.6)))
     with paused() as run:
         for part, service, request in (
-            ("world.World.save", "save_state", SaveState.Request()), ("standing.Stance.on", "spawn_body", ball),
+            ("world.World.save", "save_state", SaveState.Request()), ("world.World.spawn_robot", "spawn_body", rover),
         ):  # fmt: skip
             monkeypatch.setattr(f"smartmesh_ros.world.{part}", failing)
             answer = run.call(service, request)
