@@ -274,8 +274,7 @@ class BulletWorld {
   bool stepping_ = false;        // Bullet takes a step, for which it has applied gravity
   BoundsHook hook_{[this] { before_query(); }};
   bool is_hooked_ = false;
-  std::vector<const btMultiBody*>
-      joined_;  // robots that a constraint holds to something else, whose pivot may be moved
+  std::vector<const btMultiBody*> joined_;  // robots that a constraint holds to something else: its pivot may move
   long sleep_changes_ = 0;
   int objects_known_ = -1;           // number of objects when they were found last; -1 = they changed since
   std::vector<int> awake_, asleep_;  // used slots, as of a number of changes

@@ -31,6 +31,13 @@ inline void check_alignment(const void* data, std::size_t size) {
     throw std::invalid_argument("arrays must be aligned; pass a copy");
 }
 
+// Raises the package's `InputError`.
+[[noreturn]] inline void refuse(const char* reason, const char* message) {
+  const nb::object type = nb::module_::import_("smartmesh_ros.errors").attr("InputError");
+  PyErr_SetObject(type.ptr(), type(reason, message).ptr());
+  throw nb::python_error();
+}
+
 // Arrays of a shape, in C order, not copied. `T` is const where the core only reads.
 template <class T, std::size_t N>
 using Array = nb::ndarray<T, nb::ndim<N>, nb::c_contig, nb::device::cpu>;

@@ -15,13 +15,6 @@ namespace {
 
 constexpr int MOST_SLOTS = 1 << 24;
 
-// Raises the package's `InputError`.
-[[noreturn]] void refuse(const char* reason, const char* message) {
-  const nb::object type = nb::module_::import_("smartmesh_ros.errors").attr("InputError");
-  PyErr_SetObject(type.ptr(), type(reason, message).ptr());
-  throw nb::python_error();
-}
-
 // A world that takes no step meanwhile.
 struct HeldWorld {
   StepLock lock;

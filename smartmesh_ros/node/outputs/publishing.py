@@ -186,9 +186,8 @@ class Publishing:
         self._publish(PATCH_OUTPUTS, self._time.read())
 
     def _publish(self, names: Iterable[str], time: float, *, now: bool = False, idle: bool = False) -> None:
-        rates = self._session.settings.publish
         for name in names:
-            output, rate = self._outputs[name], rates.of(name)
+            output, rate = self._outputs[name], self._session.settings.publish.of(name)
             at_once = now or (idle and _has_joined(output))
             if rate > 0.0 and output.rhythm.is_due(time, rate, now=at_once):
                 with self._session.enduring(name):
