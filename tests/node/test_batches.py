@@ -159,6 +159,17 @@ def test_a_body_whose_ground_goes_away_while_it_is_put_there_waits_for_the_next(
         assert node.world.bodies.keys() == {"ball"}
 
 
+def test_a_body_whose_edge_is_over_a_hole_is_put_onto_the_next_map_without_one() -> None:
+    ground = np.zeros((41, 41))
+    with fed({"bodies.spawn": ["{id: box, shape: box, size: [0.6, 0.6, 0.2], xy: [2.0, 2.0]}"]}) as node:
+        for heights, bodies in ((np.where(np.arange(41) > 21, np.nan, ground), set()), (ground, {"box"})):
+            node.give("heightmap", heightmap_message(heights, resolution=0.1), steps=0)
+            while node.node.turn():
+                pass
+            assert node.world.bodies.keys() == bodies
+        assert node.node.refusals.counts.total() == 1
+
+
 async def work(name: str, turns: int, log: list[str]) -> str:
     for _ in range(turns):
         log.append(name)

@@ -145,10 +145,11 @@ class InitialBodies:
             self._standing.discard(entry.name)
 
     def _note(self, name: str, error: Exception) -> None:
-        """Count and log a refusal. What PyBullet failed at is tried again with the next map."""
+        """Count and log a refusal. What PyBullet failed at, or is partly over no ground, is tried again with the next
+        map."""
         self._session.refusals.add("bodies.spawn", error)
         self.refused[name] = str(error)
-        if not isinstance(error, InputError):
+        if not isinstance(error, InputError) or error.reason == "no_ground":
             self._waiting.append(name)
 
     def knows(self, name: str) -> bool:
