@@ -21,12 +21,13 @@ SIDES = (256, 1024, 4096, 8192, 16384)
 REGION, COUNT, WARM_UP = 64, 1000, 20
 
 
-def regions() -> str:
-    """Return the table of times [us] of regions on each map, ``still``: under a body that stays, ``anywhere``: at
-    places all over the map, most of them for the first time."""
+def regions() -> tuple[str, dict[str, list[float]]]:
+    """Return the table of times of regions on each map, ``still``: under a body that stays, ``anywhere``: at places all
+    over the map, most of them for the first time; and their 10th, 50th, 90th and 99th percentiles by place and map
+    [us]."""
     maps = {side: HeightMap(np.zeros((side, side), np.float32), resolution=0.1) for side in SIDES}
     rng = np.random.default_rng(0)
-    rows = []
+    rows, found = [], dict[str, list[float]]()
     for way in ("still", "anywhere"):
         times: dict[int, list[float]] = {side: [] for side in SIDES}
         for turn in range(WARM_UP + COUNT):
@@ -39,10 +40,11 @@ def regions() -> str:
                 if turn >= WARM_UP:
                     times[side].append(1e6 * (perf_counter() - start))
         for side in SIDES:
-            low, median, high, highest = (f"{time:.1f}" for time in np.percentile(times[side], (10, 50, 90, 99)))
+            shares = found[f"{way} on {side}^2"] = np.percentile(times[side], (10, 50, 90, 99)).tolist()
+            low, median, high, highest = (f"{time:.1f}" for time in shares)
             rows.append([f"{side}^2", str(COUNT), way, median, f"{low} to {high}", highest])
             print(f"regions {way} on {side}^2: {median} us", flush=True)
-    return table(["map", "regions", "place", "median [us]", "10 to 90 % [us]", "99 % [us]"], rows)
+    return table(["map", "regions", "place", "median [us]", "10 to 90 % [us]", "99 % [us]"], rows), found
 
 
 def main(args: list[str] | None = None) -> None:
@@ -61,12 +63,13 @@ def main(args: list[str] | None = None) -> None:
                 summaries.append(s := summary_of(run_case(case)))
                 words = f"{100 * s.missed:.2f} % missed, real time {s.real_time_factor:.2f}, lost {s.lost}"
                 print(f"{case}: {words}", flush=True)
-            save(RESULTS, {"machine": short(), group: [s._asdict() | {"case": asdict(s.case)} for s in summaries]})
+                save(RESULTS, {"machine": short(), group: [s._asdict() | {"case": asdict(s.case)} for s in summaries]})
             blocks[group] = (memory if group == "memory" else runs)(summaries)
             if group == "grid":
                 draw(summaries, short(), PICTURES)
     if only in (None, "regions"):
-        blocks["regions"] = regions()
+        blocks["regions"], found = regions()
+        save(RESULTS, {"machine": short(), "regions": found})
     fill(PAGE, blocks)
     print(f"wrote {PAGE}")
 

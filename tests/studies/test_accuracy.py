@@ -77,7 +77,7 @@ def test_the_study_writes_what_it_says(
     monkeypatch.setattr(accuracy, "run_matrix", lambda *_, **__: [run_cell(ROWS[0], "defaults")])
     assert accuracy.main(["--quick", "--out", str(tmp_path)]) == 0
     pictures = ("small", "all", "stability")
-    for name in ("accuracy_tables.md", *(f"images/accuracy/{picture}.png" for picture in pictures)):
+    for name in ("accuracy.json", "accuracy_tables.md", *(f"images/accuracy/{picture}.png" for picture in pictures)):
         assert (tmp_path / name).stat().st_size > 500, name
     accuracy.CHARTS.write(tmp_path, {"machine": "another run"})
     assert (tmp_path / "accuracy.md").read_text() == "another run\n"

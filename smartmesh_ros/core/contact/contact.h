@@ -19,7 +19,7 @@ enum class NormalOf { Ground, Body, Edges };
 // inside the ground. `body_feature`, `ground_feature`: names of the two features, equal from step to step. `material`,
 // `ground`: material of the ground there, and its motion, mean over the step. `deck`: number of the deck that it is on,
 // -1 = none. `yields` [1/kg]: change of the ground's velocity by an impulse along the normal. `body_edge`,
-// `ground_edge`: unit directions of edges that cross. `ground_turn` [1/s]: rate of change of the ground's.
+// `ground_edge`: unit directions of edges that cross. `ground_turn` [1/s]: rate of change of `ground_edge`.
 struct Contact {
   Vec3 point, normal;
   double distance;

@@ -80,7 +80,7 @@ struct Patch {
   Vec3 angular_velocity(const Facet& facet) const;
   // Returns the mean angular velocity of the facets that a point lies on, else that of the nearest [rad/s].
   Vec3 angular_velocity_around(const Vec3& p, const Facet& nearest) const;
-  // Returns the rate of change of an edge, by its length [1/s].
+  // Returns by how much the ends of an edge move apart, over its length, a vector [1/s].
   Vec3 turn_of(const Edge& edge) const;
   void clear() {
     cells.rows = cells.columns = 0;
