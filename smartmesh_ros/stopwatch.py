@@ -1,5 +1,6 @@
 """Running times of the stages of the pipeline."""
 
+from collections import deque
 from collections.abc import Callable
 from time import perf_counter
 from typing import NamedTuple
@@ -23,9 +24,11 @@ class StageTimes(NamedTuple):
 
 
 class _Stage:
-    """Context manager that adds the time spent in its block to the stage's current run."""
+    """Context manager that adds the time spent in its block to the stage's current run, and the newest runs [s]."""
 
     def __init__(self, now: Callable[[], float]) -> None:
+        self.runs = 0
+        self.times = deque[float](maxlen=WINDOW)
         self.pending = 0.0
         self.ran = False
         self._start = 0.0
@@ -38,9 +41,17 @@ class _Stage:
         self.pending += self._now() - self._start
         self.ran = True
 
+    def note(self, seconds: float) -> None:
+        self.times.append(seconds)
+        self.runs += 1
+
+    def clear(self) -> None:
+        self.times.clear()
+        self.runs = 0
+
 
 class Stopwatch:
-    """Collects running times by stage in preallocated ring buffers.
+    """Collects running times by stage.
 
     A stage may be entered several times in one run (once per batch of bodies). `lap` ends the run. ``now``: the clock
     [s].
@@ -48,8 +59,6 @@ class Stopwatch:
 
     def __init__(self, stages: tuple[str, ...] = STAGES, now: Callable[[], float] = perf_counter) -> None:
         self._stages = {stage: _Stage(now) for stage in stages}
-        self._times = {stage: np.zeros(WINDOW) for stage in stages}
-        self._counts = dict.fromkeys(stages, 0)
 
     def stage(self, name: str) -> _Stage:
         """Return the timer of a stage: ``with stopwatch.stage("search"):`` times the block."""
@@ -57,26 +66,23 @@ class Stopwatch:
 
     def note(self, name: str, seconds: float) -> None:
         """Add one run of a stage, timed by the caller [s]."""
-        count = self._counts[name]
-        self._times[name][count % WINDOW] = seconds
-        self._counts[name] = count + 1
+        self._stages[name].note(seconds)
 
     def lap(self) -> None:
         """End the run of every stage that was entered since the last lap."""
-        for name, stage in self._stages.items():
+        for stage in self._stages.values():
             if stage.ran:
-                self.note(name, stage.pending)
+                stage.note(stage.pending)
                 stage.pending = 0.0
                 stage.ran = False
 
     def read(self, *, clear: bool = True) -> list[StageTimes]:
         """Return the times since the last clearing, one entry per stage in pipeline order."""
         result = []
-        for stage in self._stages:
-            count = self._counts[stage]
-            times = self._times[stage][: min(count, WINDOW)] * 1e6
-            median, high, most = np.percentile(times, (50, 99, 100)) if count else (0.0, 0.0, 0.0)
-            result.append(StageTimes(stage, count, float(median), float(high), float(most)))
+        for name, stage in self._stages.items():
+            times = np.array(stage.times) * 1e6
+            median, high, most = np.percentile(times, (50, 99, 100)) if stage.runs else (0.0, 0.0, 0.0)
+            result.append(StageTimes(name, stage.runs, float(median), float(high), float(most)))
             if clear:
-                self._counts[stage] = 0
+                stage.clear()
         return result

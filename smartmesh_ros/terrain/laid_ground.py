@@ -38,7 +38,8 @@ class LaidGround:
 
     def give(self, material: Material) -> None:
         """Replace the layers of the ground that a material has; raises `InputError` and then changes nothing."""
-        self._lay(together(material).checked(self._shape).over(self._material))
+        if (laid := together(material)).layers:
+            self._lay(laid.checked(self._shape).over(self._material))
 
     @property
     def friction(self) -> float | NDArray[np.float32]:

@@ -165,9 +165,8 @@ class MovingHeights(LaidGround, MovingGround):
         time, shape = checked_next_time(time, self.time), self._shape
         certainty = checked_variance(variance, shape)
         new, speeds = checked(heights, velocities, shape, "the map")
-        laid = together(material, friction=friction, soil=soil)
-        if laid.layers:
-            self.give(laid)
+        if not (material is None and friction is None and soil is None):
+            self.give(together(material, friction=friction, soil=soil))
         self._take(0, 0, new, speeds, time, certainty)
         if not self.motion.corrects:
             self.follow(self, time)

@@ -87,6 +87,8 @@ class Guests:
 
     def advance(self) -> None:
         """Add, remove and move guests before a step."""
+        if not self._owners:
+            return
         latest = self._world.time - self.config.steps_apart * self._world.dt
         for owner, known in self._owners.items():
             newest = None
@@ -100,6 +102,8 @@ class Guests:
 
     def note_contacts(self) -> None:
         """Note which guests touched another body in the last step."""
+        if not self._owners:
+            return
         guests = {guest.uid: guest for known in self._owners.values() for guest in known.guests.values()}
         if not guests:
             return
