@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from numbers import Integral
 from typing import Any
 
 import pybullet as pb
@@ -33,7 +34,7 @@ def require_body(client: Any, body: int, link: int | None = None) -> None:
         client.syncBodyInfo()  # PyBullet's client may know only the last body of a batch
         bodies = [client.getBodyUniqueId(place) for place in range(client.getNumBodies())]
         there = f"there is {listed([*map(str, bodies)], 20)}" if bodies else "there is none yet"
-        if body not in bodies:
+        if body not in bodies or not isinstance(body, Integral):
             raise InputError(
                 "unknown_body", f"PyBullet has no body {body!r}; pass the number that loadURDF or createMultiBody "
                 f"returned: {there}"

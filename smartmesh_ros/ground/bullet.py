@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from functools import partial
 from inspect import isroutine
 from itertools import chain
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -54,8 +55,8 @@ def connected_client(client: Any) -> Any:
     """Return a client with PyBullet's functions as methods: a `BulletClient`, the module ``pybullet`` itself, or the
     client of a number, as users of ``physicsClientId=`` have it. Raises `InputError` if it is none of these, or not
     connected."""
-    if type(client) is int:
-        client = NumberedClient(client)
+    if isinstance(client, Integral) and not isinstance(client, bool):
+        client = NumberedClient(int(client))
     if not hasattr(client, "getConnectionInfo"):
         raise InputError(
             "client", f"the client is of type {type(client).__name__}; pass the module pybullet, a BulletClient, or "

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.config import PhysicsConfig, SleepConfig
@@ -69,3 +70,10 @@ class WorldConfig:
     guests: GuestConfig = field(default_factory=GuestConfig)
     sleep: SleepConfig = field(default_factory=SleepConfig)
     falls: FallConfig = field(default_factory=FallConfig)
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            value: Any = getattr(self, each.name)
+            kind: Any = each.default_factory
+            if not isinstance(value, kind):
+                raise InputError("parameter", f"{each.name} of a world is {value!r}; pass {kind.__name__}(...)")

@@ -120,7 +120,9 @@ class World(SavedWorld):
         self._drop_lost()
 
     def step(self, count: int = 1) -> None:
-        """Run physics steps."""
+        """Run physics steps. Raises `InputError` for less than none."""
+        if count < 0:
+            raise InputError("steps", f"{count} steps; ask for 0 or more")
         for _ in range(count):
             with self.stopwatch.stage("total"):
                 self._step()

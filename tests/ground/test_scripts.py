@@ -21,6 +21,7 @@ from smartmesh_ros import (
     Sphere,
     Terrain,
     World,
+    WorldConfig,
 )
 from smartmesh_ros.ground.shapes import Hull
 from smartmesh_ros.soil.soil import Soil
@@ -79,8 +80,10 @@ def worlds() -> Iterator[tuple[Callable[[int], Any], str]]:
     yield of(lambda w: w.command("it", "wheel", 3.0)), "no body 'it'"
     yield of(lambda w: w.configure(PhysicsConfig())), "pass WorldConfig(physics="
     yield of(lambda w: w.reset(seed=0.5)), "whole number"
+    yield of(lambda w: w.step(-1)), "-1 steps; ask for 0 or more"
     yield of(lambda w: w.restore(None)), "the saved state is None; pass its bytes or its file"
     yield (lambda c: World(level(), PhysicsConfig())), "pass WorldConfig(physics="
+    yield (lambda c: WorldConfig(physics=None)), "physics of a world is None; pass PhysicsConfig(...)"
     yield (lambda c: PhysicsConfig(gravity=9.81)), "gravity is 9.81; it must be three"
     for name, value in {"rate": "fast", "gravity": (0.0, np.nan, 0.0), "restitution": 1.5, "friction": -0.1}.items():
         yield (lambda c, name=name, value=value: PhysicsConfig(**{name: value})), name
@@ -111,10 +114,12 @@ def times() -> Iterator[Callable[[int], Any]]:
         (lambda c: World([[0.0]]), "type list; pass HeightMap(heights"),
         (lambda c: Terrain().put("a", None), "type NoneType; pass HeightMap(heights"),
         (lambda c: Ground(level(), c), "the client is of type HeightMap; pass the module pybullet"),
+        (lambda c: Ground(np.int64(1000), level()), "client 1000 is not connected; call pybullet.connect"),
         (lambda c: Ground(1000, level()), "client 1000 is not connected; call pybullet.connect"),
         (lambda c: Ground(c, level()).attach(99), "no body 99; pass the number that loadURDF"),
         (lambda c: Ground(c, level()).attach("husky"), "no body 'husky'"),
         (lambda c: Ground(c, level()).attach([0]), "no body [0]"),
+        (lambda c: Ground(c, level()).attach(float(ball_in(c))), "no body 0.0"),
         (lambda c: Ground(c, level()).attach(ball_in(c), 5), "no link 5; it has -1 (the base) alone"),
         (lambda c: [g := Ground(c, level()), g.attach(g.attach(ball_in(c)).collider)], "is a piece of this ground"),
         (lambda c: HeightMap(np.zeros((5, 5))), "resolution is missing; pass resolution="),
