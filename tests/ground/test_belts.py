@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, Box, GridGeometry, HeightMap, Terrain, World
+from smartmesh_ros.ground.shapes import Shape
 from tests.bodies import about_z, rotation
+from tests.grounds import add
+from tests.urdfs import link, robot
 
 SAMPLES, CELL = 41, 0.1
 FLAT = np.zeros((SAMPLES, SAMPLES), np.float32)
@@ -23,13 +26,19 @@ def belt(place: Place, time: float) -> HeightMap:
     return HeightMap(FLAT, geometry=geometry, time=time)
 
 
+BOX = Box(0.3, 0.3, 0.2)
+ROBOT = robot(link("box", '<box size="0.3 0.3 0.2"/>'))
+
+
 def ride(
-    place: Place, duration: float, start: tuple[float, float], maps: int = 60, speed: float = 0.0
-) -> Callable[[float], BodyState]:
-    """The state, at a time, of a box that stands on a belt from time zero on, at a ``speed`` along x [m/s]; ``maps``
-    come a second."""
+    place: Place, duration: float, start: tuple[float, float], maps: int = 60, speed: float = 0.0,
+    body: Shape | str = BOX, share: float = 0.2,
+) -> Callable[[float], BodyState]:  # fmt: skip
+    """The state, at a time, of a box or robot that stands on a belt from time zero on, at a ``speed`` along x [m/s];
+    ``maps`` come a second. ``share``: PyBullet's `frictionERP`."""
     with World(belt(place, 0.0)) as world:
-        world.spawn("box", Box(0.3, 0.3, 0.2), 1.0, BodyState((*start, 0.1), linear=(speed, 0.0, 0.0)))
+        add(world, "box", body, BodyState((*start, 0.1), linear=(speed, 0.0, 0.0)))
+        world.client.setPhysicsEngineParameter(frictionERP=share)
         states = [world.state("box")]
         for step in range(round(duration / world.dt)):
             if step and step % (240 // maps) == 0:
@@ -104,3 +113,8 @@ def test_a_box_does_not_creep_on_a_map_that_turns(maps: int) -> None:
     found = ride(lambda time: (0.0, 0.0, time), 3.0, (1.0, 0.0), maps)
     begin, end = (rotation(about_z(time)).T @ found(time).position for time in (1.0, 3.0))
     assert end == pytest.approx(begin, abs=2e-5)
+
+
+def test_a_robot_turns_with_a_map_if_friction_keeps_no_places() -> None:
+    found = ride(lambda time: (0.0, 0.0, time), 1.0, (0.5, 0.0), body=ROBOT, share=0.0)(1.0)
+    assert found.angular == pytest.approx((0.0, 0.0, 1.0), abs=1e-3)
