@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from functools import partial
 from inspect import isroutine
 from itertools import chain
-from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -55,7 +54,7 @@ def connected_client(client: Any) -> Any:
     """Return a client with PyBullet's functions as methods: a `BulletClient`, the module ``pybullet`` itself, or the
     client of a number, as users of ``physicsClientId=`` have it. Raises `InputError` if it is none of these, or not
     connected."""
-    if isinstance(client, Integral) and not isinstance(client, bool):
+    if type(client) is int or isinstance(client, np.integer):
         client = NumberedClient(int(client))
     if not hasattr(client, "getConnectionInfo"):
         raise InputError(

@@ -231,8 +231,8 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
     }
   }
   // Friction against rolling, and that of robots if PyBullet's `frictionERP` is zero, aim at the proxy's velocity.
-  const bool turns = !rows_.empty() && (rows_[0].friction.rolling + rows_[0].friction.spinning > 0.0 ||
-                                        anchor_time(step) == 0.0);
+  const bool turns =
+      !rows_.empty() && (rows_[0].friction.rolling + rows_[0].friction.spinning > 0.0 || anchor_time(step) == 0.0);
   slot.ground_angular = turns ? contacts_[0].ground.angular : Vec3{};
   if (rigid != nullptr) {  // robots have a solver with a cone of its own
     // Bullet's anisotropic friction acts against velocities alone.
