@@ -13,9 +13,11 @@ from smartmesh_msgs.msg import BodySpecification, Heightmap, Timing, TrackedBody
 from smartmesh_msgs.srv import RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet import command, layout
+from smartmesh_ros.node.fleet.front import Front
 from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
-from tests.node.shared import BALL, Logged, fed, stamped
+from tests.node.shared import BALL, Logged, fed, made_with, stamped
 
 NODES = layout.node_names(2)
 # After which silence the front takes a node for dead [s]: longer than a busy machine lets one wait.
@@ -164,3 +166,10 @@ def test_a_fleet_of_no_nodes_is_refused_and_not_waited_for(
     with pytest.raises(SystemExit) as end:
         command.main([option, value])
     assert end.value.code == 2 and words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("empty", [[], [""]])
+def test_a_front_of_no_nodes_is_refused_with_what_would_be_right(empty: list[str]) -> None:
+    right = r"nodes is \[\]; .* such as /fleet/node_0/terrain_collider"
+    with pytest.raises(InputError, match=right), made_with(Front, {"nodes": empty}):
+        pass

@@ -84,6 +84,9 @@ class Front(ParameterNode):
         super().__init__(FRONT, SPECS, **node_options)
         values = self.values
         config = LedgerConfig(**{name: values[name] for name in ("spread", "tile_size", "timeout", "respawn")})
+        if not values["nodes"]:
+            right = f"give the full name of at least one node, such as {node_names(1)[0]}"
+            raise InputError("parameter", f"nodes is []; {right}")
         self.ledger = Ledger(full_names("nodes", values["nodes"]), config)
         self._group = ReentrantCallbackGroup()
         self._calls = Calls(self, self.ledger.members, self._group)
