@@ -119,8 +119,7 @@ class Front(ParameterNode):
                 self.get_logger().warning(f"{node}: {error}", throttle_duration_sec=LOG_PERIOD)
         duties = self.ledger.check(monotonic())
         self._log_changes(duties)
-        for node in {*duties.died, *duties.lost}:  # also one that restarted before it counted as dead
-            self._calls.give_up(node)
+        self._calls.give_up(duties.died)
         for node in {entry.node for entry in duties.spawn}:
             await self._respawn(node, [entry for entry in duties.spawn if entry.node == node])
         for node, name in duties.remove:
