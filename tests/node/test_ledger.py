@@ -101,6 +101,8 @@ def test_bodies_are_spread_evenly_or_by_tiles_and_names_are_taken_once() -> None
     world = World(LedgerConfig(spread="tiles", tile_size=10.0))
     nodes = [world.spawn(f"body_{k}", x) for k, x in enumerate((1.0, 9.0, 11.0, 19.0, math.nan))]
     assert nodes[0] == nodes[1] != nodes[2] == nodes[3]
+    world = World(LedgerConfig(spread="tiles", tile_size=0.1))
+    assert world.spawn("far", 1e308) in NODES, "its tile has no number"
 
 
 def test_bodies_of_a_node_that_starts_anew_before_it_is_missed_are_spawned_again() -> None:
