@@ -25,7 +25,7 @@ from rclpy.utilities import try_shutdown
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.declaring import warn_of_unused_overrides
-from smartmesh_ros.node.refusals import unexpected
+from smartmesh_ros.node.refusals import Refusals, unexpected
 
 # Longest wait for messages before signals are checked and ``idle()`` is called, because ``/clock`` may stand still [s].
 LONGEST_WAIT = 0.1
@@ -108,13 +108,15 @@ def _reason(error: BaseException) -> str:
 
 
 def spin(make_node: Callable[[], Any], args: Sequence[str] | None = None) -> None:
-    """Make a node without a loop of its own, as `started` does, and handle its messages until SIGINT or SIGTERM."""
+    """Make a node without a loop of its own, as `started` does, and handle its messages until SIGINT or SIGTERM.
+    Input that rclpy rejects is logged."""
     with started(make_node, args) as (node, stop), ExitStack() as ends:
         executor = SingleThreadedExecutor()
         ends.callback(executor.shutdown)
         executor.add_node(node)
+        refusals = Refusals(node.get_logger())
         while not stop.asked:
-            executor.spin_once(timeout_sec=LONGEST_WAIT)
+            _handle(executor, refusals, LONGEST_WAIT)
 
 
 def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
@@ -141,7 +143,7 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
             while not stop.asked and (left := node.pacer.remaining()) > 0.0:
                 works = (left > TURN or not turned) and node.turn()
                 turned |= works
-                _handle(executor, node, 0.0 if works else min(left, LONGEST_WAIT))
+                _handle(executor, node.refusals, 0.0 if works else min(left, LONGEST_WAIT))
                 if monotonic() - worked > LONGEST_WAIT:
                     node.idle()
                     worked = monotonic()
@@ -154,14 +156,14 @@ def _handle_some(executor: Executor, node: Any) -> None:
     """Handles up to `MOST_WHEN_LATE` waiting messages; stops at the first empty call, because calls are expensive."""
     for _ in range(MOST_WHEN_LATE):
         handled = node.handled
-        _handle(executor, node, 0.0)
+        _handle(executor, node.refusals, 0.0)
         if node.handled == handled:
             return
 
 
-def _handle(executor: Executor, node: Any, seconds: float) -> None:
+def _handle(executor: Executor, refusals: Refusals, seconds: float) -> None:
     """Waits for a message and handles it. Counts malformed requests, which rclpy raises here before any callback."""
     try:
         executor.spin_once(timeout_sec=seconds)
     except Exception as error:  # noqa: BLE001  # no peer may stop the node, and rclpy's errors have no common base
-        node.refusals.add("rclpy", unexpected(error, "malformed"))
+        refusals.add("rclpy", unexpected(error, "malformed"))

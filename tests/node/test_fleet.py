@@ -9,13 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters
 from smartmesh_msgs.msg import BodySpecification, Heightmap, Timing, TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet import command, layout
+from smartmesh_ros.node.fleet.front import Front
 from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
-from tests.node.shared import BALL, Logged, fed, stamped
+from tests.node.shared import BALL, Logged, fed, made_with, stamped
 
 NODES = layout.node_names(2)
 # After which silence the front takes a node for dead [s]: longer than a busy machine lets one wait.
@@ -164,3 +168,20 @@ def test_a_fleet_of_no_nodes_is_refused_and_not_waited_for(
     with pytest.raises(SystemExit) as end:
         command.main([option, value])
     assert end.value.code == 2 and words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("empty", [[], [""]])
+def test_a_front_of_no_nodes_is_refused_with_what_would_be_right(empty: list[str]) -> None:
+    right = r"nodes is \[\]; .* such as /fleet/node_0/terrain_collider"
+    with pytest.raises(InputError, match=right), made_with(Front, {"nodes": empty}):
+        pass
+
+
+def test_a_front_goes_on_after_a_parameter_without_a_type(probe: Probe) -> None:
+    with Process("fleet_front", {"nodes": NODES}) as front:
+        setter = probe.node.create_client(SetParameters, "/fleet/set_parameters")
+        probe.wait_for(setter.service_is_ready)
+        setter.call_async(SetParameters.Request(parameters=[Parameter(name="timeout", value=ParameterValue(type=77))]))
+        probe.wait_for(lambda: "rclpy refused: " in front.output or front.process.poll() is not None)
+        assert front.process.poll() is None, front.output
+        assert not probe.call("/fleet/remove_body", RemoveBody, id="nobody").success

@@ -3,6 +3,8 @@ each body that was not spawned or removed."""
 
 import math
 from collections import Counter
+from collections.abc import Callable
+from contextlib import ExitStack
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,8 +12,10 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 from rclpy.task import Future
-from smartmesh_msgs.msg import BodyFailure, BodySpecification
+from smartmesh_msgs.msg import BodyFailure, BodySpecification, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBodies, SpawnBodies
 
 from smartmesh_ros.errors import InputError
@@ -19,8 +23,9 @@ from smartmesh_ros.ground.shapes import ShapeKind
 from smartmesh_ros.node.fleet.calls import Calls, specification_of
 from smartmesh_ros.node.fleet.front import Front
 from smartmesh_ros.node.fleet.ledger import Duties, FleetBody, LastState, Ledger, LedgerConfig
+from smartmesh_ros.node.session import SERVICES
 from smartmesh_ros.world.state_table import StateTable
-from tests.node.shared import made_with
+from tests.node.shared import made_with, wait_until
 
 NODES = ["a", "b", "c"]
 EVENTS = ["die", "cut", "come", "spawn", "wait"]
@@ -96,6 +101,8 @@ def test_bodies_are_spread_evenly_or_by_tiles_and_names_are_taken_once() -> None
     world = World(LedgerConfig(spread="tiles", tile_size=10.0))
     nodes = [world.spawn(f"body_{k}", x) for k, x in enumerate((1.0, 9.0, 11.0, 19.0, math.nan))]
     assert nodes[0] == nodes[1] != nodes[2] == nodes[3]
+    world = World(LedgerConfig(spread="tiles", tile_size=0.1))
+    assert world.spawn("far", 1e308) in NODES, "its tile has no number"
 
 
 def test_bodies_of_a_node_that_starts_anew_before_it_is_missed_are_spawned_again() -> None:
@@ -187,7 +194,10 @@ def front_of(*, ready: bool = True) -> Any:
     """A node whose clients answer what the test says."""
     future = Future()
     client = SimpleNamespace(service_is_ready=lambda: ready, call_async=lambda _: future)
-    return SimpleNamespace(future=future, create_client=lambda *_, **__: client)
+    publishers: list[Any] = []
+    return SimpleNamespace(
+        future=future, create_client=lambda *_, **__: client, get_publishers_info_by_topic=lambda _: publishers
+    )
 
 
 def result_of(coroutine: Any) -> Any:
@@ -203,30 +213,47 @@ def test_a_node_that_dies_or_has_no_services_has_refused_all_bodies_of_the_call(
     call.send(None)
     for node in ("/b", "/a"):
         assert not front.future.done()
-        calls.give_up(node)
+        calls.give_up([node])
     assert result_of(call) == dict.fromkeys(("one", "two"), "/a died before it answered")
     assert result_of(Calls(front_of(ready=False), ["/a"], None).remove("/a", ["one"])) == {
         "one": "/a serves no calls yet"
     }
 
 
-def test_a_node_that_restarts_before_it_counts_as_dead_has_refused_the_calls_of_before(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """It answers none of them. A start takes less than the timeout where the processor is fast, or the timeout long."""
-    ledger, peer = Ledger(["/a"], LedgerConfig(timeout=60.0)), front_of()
-    for time, names in ((0.0, ["ball"]), (0.25, ["ball"]), (5.0, [])):
-        ledger.hear("/a", time)
-        ledger.update_states("/a", table(names))
-        duties = ledger.check(time)
-    assert duties.lost == {"/a": ["ball"]} and not duties.died
-    with made_with(Front, {"nodes": ["/a"]}) as front:
-        monkeypatch.setattr(front.ledger, "check", lambda _: duties._replace(spawn=[]))
-        front._calls = Calls(peer, ["/a"], None)
-        call = front._calls.remove("/a", ["one"])
-        call.send(None)
-        result_of(front._check_nodes())
-        assert result_of(call) == {"one": "/a died before it answered"}
+class Silent(Node):
+    """A node of a fleet that shows its states without bodies, and never answers a call."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__("a", **options)
+        self.states = self.create_publisher(TrackedBodyArray, "~/body_states", 10)
+        self.create_service(RemoveBodies, "~/remove_bodies", lambda _, response: response, qos_profile=SERVICES)
+
+
+@pytest.mark.parametrize("killed", [False, True])
+def test_a_node_that_restarts_before_it_counts_as_dead_has_refused_the_calls_of_before(killed: bool) -> None:
+    """It answers none of them, also if it has no bodies that it could lose. DDS still lists one that was killed."""
+    with made_with(Front, {"nodes": ["/a"], "timeout": 3600.0}) as front, ExitStack() as old, ExitStack() as new:
+        executor = SingleThreadedExecutor(context=front.context)
+        executor.add_node(front)
+        peer = old.enter_context(made_with(Silent, {}))
+
+        def turned(condition: Callable[[], object]) -> object:
+            peer.states.publish(TrackedBodyArray())
+            executor.spin_once(0.02)
+            return condition()
+
+        wait_until(lambda: turned(lambda: front.ledger.living))
+        wait_until(lambda: turned(front._calls._clients["/a", RemoveBodies].service_is_ready))
+        call = executor.create_task(front._calls.remove("/a", ["one"]))
+        heard = front.ledger.members["/a"].heard
+        wait_until(lambda: turned(lambda: front.ledger.members["/a"].heard > heard + 1.0))
+        assert not call.done(), "it lives, and takes its time"
+        if not killed:
+            old.close()
+        peer = new.enter_context(made_with(Silent, {}))
+        wait_until(lambda: turned(call.done))
+        assert call.result() == {"one": "/a died before it answered"} and front.ledger.living == ["/a"]
+        executor.remove_node(front)
 
 
 @pytest.mark.parametrize(

@@ -161,6 +161,8 @@ MAPS = f"qos_overrides.{COLLIDER}/heightmap.subscription"
         ({"bodies.peers": ["a"]}, "starts with '/'"),
         ({"terrain.input": "lidar"}, "choose one of heightmap, grid_map"),
         ({"terrain.file": "/nowhere/map.npy"}, "there is no file /nowhere/map.npy"),
+        ({"bodies.urdf_folders": ["", "/"]}, "empty"),
+        ({"bodies.urdf_folders": ["/", " "]}, "empty"),
         ({"raster.origin": [0.0, 0.0]}, "three finite numbers"),
         ({"soil.type": ["lunar", "porridge"]}, "there is no soil 'porridge'"),
         ({"soil.type": ["lunar"], "terrain.changes": "correction"}, "terrain.changes"),

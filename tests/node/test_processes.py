@@ -18,6 +18,7 @@ from smartmesh_msgs.msg import Heightmap
 from smartmesh_msgs.srv import QueryGround
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.refusals import Refusals
 from smartmesh_ros.node.running import run
 from smartmesh_ros.node.timing.pacing import Pacer
 from smartmesh_ros.startup.dds import isolated_unless_chosen, require_domain
@@ -184,6 +185,7 @@ def test_a_node_counts_no_deadlines_while_it_starts(own_signals: None, monkeypat
 
         def __init__(self) -> None:
             super().__init__("slow")
+            self.refusals = Refusals(self.get_logger())
             self.pacer = Pacer(0.2, now=lambda: monotonic() + started[0])
             started[0] = 1000.0
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Collection, Iterable, Sequence
+from typing import Any, NamedTuple
 
 from rclpy.node import Node
 from rclpy.task import Future
@@ -12,21 +12,31 @@ from smartmesh_msgs.srv import RemoveBodies, SpawnBodies
 
 from smartmesh_ros.ground.quaternions import rotate
 from smartmesh_ros.node.fleet.ledger import FleetBody
+from smartmesh_ros.node.fleet.peers import topic_of
 from smartmesh_ros.node.inputs.conversions import primitive_of
 from smartmesh_ros.node.session import SERVICES
 
 
+class _Open(NamedTuple):
+    """A call that is not answered yet, and the publishers of its node's states when it was made."""
+
+    node: str
+    future: Future
+    publishers: set[bytes]
+
+
 class Calls:
     """Clients of the body services of all nodes. Every call is for all its bodies or none, and returns the reasons of
-    refusals by body: empty = done. A call to a node that dies, or does not serve yet, is refused."""
+    refusals by body: empty = done. A call to a node that dies or restarts, or does not serve yet, is refused."""
 
     def __init__(self, front: Node, nodes: Iterable[str], group: Any) -> None:
+        self._front = front
         self._clients = {
             (node, kind): front.create_client(kind, f"{node}/{name}", callback_group=group, qos_profile=SERVICES)
             for node in nodes
             for name, kind in (("spawn_bodies", SpawnBodies), ("remove_bodies", RemoveBodies))
         }
-        self._open: list[tuple[str, Future]] = []
+        self._open: list[_Open] = []
 
     async def spawn(self, node: str, bodies: Sequence[BodySpecification]) -> dict[str, str]:
         """Ask a node to add bodies."""
@@ -36,18 +46,25 @@ class Calls:
         """Ask a node to remove bodies."""
         return await self._call(node, RemoveBodies, names, ids=names)
 
-    def give_up(self, node: str) -> None:
-        """End the open calls to a node that died or restarted."""
-        for owner, future in self._open:
-            if owner == node and not future.done():
+    def give_up(self, died: Collection[str]) -> None:
+        """End the open calls to nodes that ``died``, and to those that restarted: DDS has other publishers of their
+        states."""
+        self._open = [call for call in self._open if not call.future.done()]
+        for node, future, publishers in self._open:
+            if node in died or self._publishers(node) != publishers:
                 future.set_result(None)
+
+    def _publishers(self, node: str) -> set[bytes]:
+        """Return the identifiers of the publishers of a node's states, which are new in each of its processes."""
+        return {bytes(found.endpoint_gid) for found in self._front.get_publishers_info_by_topic(topic_of(node))}
 
     async def _call(self, node: str, kind: Any, names: Sequence[str], **fields: Any) -> dict[str, str]:
         client = self._clients[node, kind]
         if not client.service_is_ready():
             return dict.fromkeys(names, f"{node} serves no calls yet")
+        publishers = self._publishers(node)
         future = client.call_async(kind.Request(**fields))
-        self._open = [(node, future), *(call for call in self._open if not call[1].done())]
+        self._open.append(_Open(node, future, publishers))
         response = await future
         if response is None:
             return dict.fromkeys(names, f"{node} died before it answered")

@@ -84,6 +84,9 @@ class Front(ParameterNode):
         super().__init__(FRONT, SPECS, **node_options)
         values = self.values
         config = LedgerConfig(**{name: values[name] for name in ("spread", "tile_size", "timeout", "respawn")})
+        if not values["nodes"]:
+            right = f"give the full name of at least one node, such as {node_names(1)[0]}"
+            raise InputError("parameter", f"nodes is []; {right}")
         self.ledger = Ledger(full_names("nodes", values["nodes"]), config)
         self._group = ReentrantCallbackGroup()
         self._calls = Calls(self, self.ledger.members, self._group)
@@ -116,8 +119,7 @@ class Front(ParameterNode):
                 self.get_logger().warning(f"{node}: {error}", throttle_duration_sec=LOG_PERIOD)
         duties = self.ledger.check(monotonic())
         self._log_changes(duties)
-        for node in {*duties.died, *duties.lost}:  # also one that restarted before it counted as dead
-            self._calls.give_up(node)
+        self._calls.give_up(duties.died)
         for node in {entry.node for entry in duties.spawn}:
             await self._respawn(node, [entry for entry in duties.spawn if entry.node == node])
         for node, name in duties.remove:

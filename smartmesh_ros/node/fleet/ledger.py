@@ -210,8 +210,9 @@ class Ledger:
             raise InputError("no_node", f"{names} are starting; try again when the diagnostics list their bodies")
         if not living:
             raise InputError("no_node", f"none of {', '.join(self.members)} is heard; start one")
-        if self.config.spread == "tiles" and math.isfinite(x) and math.isfinite(y):
+        column, row = x / tile, y / tile
+        if self.config.spread == "tiles" and math.isfinite(column) and math.isfinite(row):
             side = math.ceil(math.sqrt(len(living)))
-            return living[(math.floor(x / tile) % side + side * (math.floor(y / tile) % side)) % len(living)]
+            return living[(math.floor(column) % side + side * (math.floor(row) % side)) % len(living)]
         counts = Counter(entry.node for entry in self.bodies.values())
         return min(living, key=lambda node: counts[node])

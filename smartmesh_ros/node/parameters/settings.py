@@ -164,6 +164,9 @@ class Settings:
     deadline: DeadlinePolicy = "catch_up"
 
     def __post_init__(self) -> None:
+        if not all(folder.strip() for folder in self.urdf_folders):
+            words = "an entry is empty, which would be the folder that the node was started in; give that folder's path"
+            raise InputError("parameter", f"{words}, or leave the entry out")
         if not self.soil:
             return
         soils_from(self.soil)
