@@ -84,22 +84,39 @@ def test_the_pages_commands_of_smartmesh_are_ones() -> None:
         command.parser().parse_args(words[1:3] if words[1] == "run" else words[1:])
 
 
+def the_walk(folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[dict[str, Any], str, str]:
+    """Makes the map of the first page in an empty folder, and goes there; returns its parameters and its two programs."""
+    monkeypatch.chdir(folder)
+    [hill, driver, bag], [file] = blocks("docs/index.md", "python"), blocks("docs/index.md", "yaml")
+    exec(compile(hill, "hill.py", "exec"), {})
+    return yaml.safe_load(file)["/**"]["ros__parameters"], driver, bag
+
+
 def test_the_walk_of_the_first_page_leads_over_the_hill_again_in_a_replay(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    [code], [file] = blocks("docs/index.md", "python"), blocks("docs/index.md", "yaml")
-    exec(compile(code, "hill.py", "exec"), {})
-    parameters = yaml.safe_load(file)["/**"]["ros__parameters"]
+    parameters, _, bag = the_walk(tmp_path, monkeypatch)
     assert parameters["service_introspection"] == "contents", "or the bag would have no robot"
-    husky = str(Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf")
-    spawned = SpawnBody.Request(id="rover", urdf=husky, on_ground=True, pose=pose_message((-4.0, 0.0, 0.0)))
-    forward = Twist(linear=Vector3(x=0.5))
-    driven = [("cmd_vel/rover", 2.0 + 0.1 * k, forward) for k in range(80)]
-    with replayed([("spawn_body", 1.0, spawned), *driven], parameters) as run:
+    exec(compile(bag, "bag.py", "exec"), {})
+    with replayed("my_bag", parameters) as run:
         run.run()
         assert not run.refused
         assert run.world.state("rover").position[2] > 0.75
+
+
+def test_the_program_of_the_first_page_drives_the_robot(
+    probe: Probe, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    parameters, driver, _ = the_walk(tmp_path, monkeypatch)
+    husky = str(Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf")
+    odometry = probe.listen("/terrain_collider/odom/rover", Odometry)
+    with probe.running("terrain_collider", parameters | {"terrain.file": str(tmp_path / "hill.npy")}):
+        assert probe.call("spawn_body", SpawnBody, id="rover", urdf=husky, on_ground=True).success
+        with subprocess.Popen([sys.executable, "-c", driver]) as driving:
+            try:
+                probe.wait_for(lambda: odometry and odometry[-1].twist.twist.linear.x > 0.4)
+            finally:
+                driving.kill()
 
 
 def test_the_readmes_publisher_moves_the_ground(probe: Probe) -> None:
