@@ -15,7 +15,6 @@ import numpy as np
 import pybullet_data
 import pytest
 import yaml
-from geometry_msgs.msg import Twist, Vector3
 from grid_map_msgs.msg import GridMap
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState, PointCloud2
@@ -85,7 +84,7 @@ def test_the_pages_commands_of_smartmesh_are_ones() -> None:
 
 
 def the_walk(folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[dict[str, Any], str, str]:
-    """Makes the map of the first page in an empty folder, and goes there; returns its parameters and its two programs."""
+    """Goes into an empty folder and makes the map of the first page there; returns its parameters and two programs."""
     monkeypatch.chdir(folder)
     [hill, driver, bag], [file] = blocks("docs/index.md", "python"), blocks("docs/index.md", "yaml")
     exec(compile(hill, "hill.py", "exec"), {})
