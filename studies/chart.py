@@ -43,7 +43,7 @@ README_LINES: tuple[tuple[Family, dict[str, str], str, tuple[float, float]], ...
                 "MuJoCo tuned, 960 Hz": "to 960 Hz", "MuJoCo tuned, 1920 Hz": "MuJoCo, 1920 Hz",
                 "MuJoCo tuned, 7680 Hz": "MuJoCo, 7680 Hz"}, "MuJoCo", (-4.0, 14.0)),
     ("PhysX", {"PhysX, 240 Hz": "", "PhysX, 480 Hz": ""}, "PhysX", (10.0, -4.0)),
-    ("Rapier", {f"Rapier stiff, {rate} Hz": "" for rate in (240, 480, 960)}, "Rapier", (-14.0, -20.0)),
+    ("Rapier", {f"Rapier stiff, {rate} Hz": "" for rate in (240, 480, 960)}, "Rapier", (60.0, -32.0)),
     ("whole map", {"whole heightfield": ""}, "PyBullet, height field replaced", (-8.0, 12.0)),
     ("whole map", {"whole trimesh": ""}, "PyBullet, mesh rebuilt", (-80.0, 12.0)),
 )  # fmt: skip
