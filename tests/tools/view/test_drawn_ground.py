@@ -1,6 +1,7 @@
 """What the page draws of terrain and robots, without a browser: clicks, colours of ruts and materials, decks."""
 
 import asyncio
+import io
 import math
 import subprocess
 import sys
@@ -221,6 +222,26 @@ def test_a_robot_is_drawn_by_its_meshes_and_else_by_its_collision_shapes(
     assert robot.readable
     height = 0.4 if mesh == "box.stl" else 0.2
     assert server.scene._handle_from_node_name["/labels/rover"].position[2] == pytest.approx(1.0 + height + GAP)
+
+
+def test_a_robot_has_the_colours_of_its_description_in_daylight(server: Any, tmp_path: Path) -> None:
+    """Of a material that another link defines too, and of a mesh's own. Metal would be black without surroundings."""
+    shapes = '<box size="1 1 1"/>', '<sphere radius="1"/>', '<mesh filename="cube.obj"/>'
+    red = '<material name="red"><color rgba="1 0 0 1"/></material>', '<material name="red"/>', ""
+    links = [
+        f'<link name="link_{k}"><visual><geometry>{shapes[k]}</geometry>{red[k]}</visual></link>'
+        f'<joint name="joint_{k}" type="fixed"><parent link="base"/><child link="link_{k}"/></joint>'
+        for k in range(3)
+    ]
+    (tmp_path / "cube.obj").write_text("mtllib cube.mtl\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    (tmp_path / "cube.mtl").write_text("newmtl red\nKd 1 0 0\n")
+    urdf = f'<robot name="r"><link name="base"/>{"".join(links)}</robot>'
+    assert Robot(server, "r", BodyDescription(urdf=urdf, urdf_file=str(tmp_path / "robot.urdf"))).readable
+    drawn = [handle for handle in server.scene._handle_from_node_name.values() if hasattr(handle, "glb_data")]
+    assert len(drawn) == 3
+    for handle in drawn:
+        material = trimesh.load_mesh(io.BytesIO(handle.glb_data), file_type="glb").visual.material
+        assert material.main_color.tolist() == [255, 0, 0, 255] and material.metallicFactor == 0.0
 
 
 def test_each_of_two_robots_is_where_its_own_frame_is(server: Any) -> None:
