@@ -87,6 +87,8 @@ def _drawable(appearance: BodyDescription) -> bytes:
     folder = Path(appearance.urdf_file).parent if appearance.urdf_file else None
     root = ElementTree.fromstring(appearance.urdf)
     root[:0] = root.findall("link/visual/material[color]")  # other links may name them
+    for capsule in root.iter("capsule"):  # which PyBullet reads, but yourdfpy does not
+        capsule.tag = "cylinder"
     for origin in root.iter("origin"):
         for key in ("xyz", "rpy"):
             if _NO_NUMBERS.search(origin.get(key, "")):

@@ -226,7 +226,7 @@ def test_a_robot_is_drawn_by_its_meshes_and_else_by_its_collision_shapes(
 
 def test_a_robot_has_the_colours_of_its_description_in_daylight(server: Any, tmp_path: Path) -> None:
     """Of a material that another link defines too, and of a mesh's own. Metal would be black without surroundings."""
-    shapes = '<box size="1 1 1"/>', '<sphere radius="1"/>', '<mesh filename="cube.obj"/>'
+    shapes = '<box size="1 1 1"/>', '<capsule radius="1" length="2"/>', '<mesh filename="cube.obj"/>'
     red = '<material name="red"><color rgba="1 0 0 1"/></material>', '<material name="red"/>', ""
     links = [
         f'<link name="link_{k}"><visual><geometry>{shapes[k]}</geometry>{red[k]}</visual></link>'
