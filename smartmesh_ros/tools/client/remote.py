@@ -85,10 +85,7 @@ class Remote:
         self._executor.add_node(self.node)
         self.timings: deque[tuple[float, Any]] = deque(maxlen=TIMINGS)
         self.counts: Counter[str] = Counter()
-        self.tasks: dict[str, DiagnosticStatus] = {}
-        self.warnings: list[str] = []
         self.log: deque[str] = deque(maxlen=LOG_LINES)
-        self.paused: bool | None = None
         self.changed_parameters: dict[str, Any] = {}
         self.parameters = AsyncParameterClient(self.node, name)
         self._clients = {key: self.node.create_client(kind, f"{name}/{key}") for key, kind in SERVICES.items()}
@@ -170,13 +167,17 @@ class Remote:
             self.timings.append((monotonic(), deserialize_message(data, Timing)))
 
     def _forget(self) -> None:
-        """Forget terrain and bodies of a run that has ended, and subscribe anew, so that latched messages come again."""
+        """Forget terrain, bodies and diagnostics of a run that has ended, and subscribe anew, so that latched messages
+        come again."""
         for subscription, _ in self._subscriptions.values():
             self.node.destroy_subscription(subscription)
         self._subscriptions.clear()
         self._new.clear()
         self.ground, self.sight = Ground(), Sight()
         self.ground.frames = self.sight.bases
+        self.tasks: dict[str, DiagnosticStatus] = {}
+        self.warnings: list[str] = []
+        self.paused: bool | None = None
         self._check_due = 0.0
 
     def _subscribe(self) -> None:
