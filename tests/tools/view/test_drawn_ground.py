@@ -203,6 +203,7 @@ def test_a_tile_is_drawn_whatever_the_names_of_others_and_stays_when_they_go(ser
         ground.apply_waiting()
         scene.show(ground, np.zeros((0, 3)), np.zeros(0), [])
         assert sum(path.startswith("/terrain/") for path in drawn) == len(names) - 1
+        assert scene._reliefs.keys() == ground.first.keys() == ground.tiles.keys(), "nothing is kept of what is gone"
 
 
 URDF = '<robot name="r"><link name="b"><visual><geometry><box size="1 1 0.4"/></geometry></visual></link></robot>'
