@@ -15,7 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
-from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate
+from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate, TrackedBody, TrackedBodyArray
+from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.client.patch import Patch
@@ -170,6 +171,14 @@ def test_no_ground_is_drawn_over_a_patch_that_has_moved_since_the_map(server: An
         for k in range(49):
             assert found[(columns[k], rows[k])] == pytest.approx(vertices[k, 2], abs=1e-5)
         assert found[(16, 20)] == pytest.approx(tile.heights[20, 16], abs=1e-5)
+
+
+def test_tracked_bodies_of_another_frame_are_not_drawn_where_they_are_not() -> None:
+    sight = Sight()
+    for topic, frame in (("body_states", "map"), ("tracked_bodies", "odom"), ("tracked_bodies", "/map")):
+        body = TrackedBody(id=f"{topic} in {frame}")
+        sight.take(topic, serialize_message(TrackedBodyArray(header=Header(frame_id=frame), bodies=[body])))
+    assert sight.poses.keys() == {"body_states in map", "tracked_bodies in /map"}
 
 
 def test_the_tiles_of_a_deck_are_drawn_and_clicked_where_its_odometry_says(server: Any) -> None:
