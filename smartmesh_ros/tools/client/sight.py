@@ -41,9 +41,9 @@ class Pose(NamedTuple):
 @dataclass
 class Sight:
     """The newest state of everything but the terrain, in the terrain's ``frame``. ``poses``, ``appearances`` and
-    ``patches`` by body; ``asleep``: simulated bodies without any velocity; ``bases``: poses of robots' base links and of
-    decks, by frame as in ~/odometry; ``joints``: positions [rad, m] by name as in ~/joint_states; ``contacts`` (n, 7):
-    position [m], normal and force [N] of each."""
+    ``patches`` by body; ``asleep``: simulated bodies without any velocity; ``bases``: poses of robots' base links and
+    of decks, by frame as in ~/odometry; ``joints``: positions [rad, m] by name as in ~/joint_states; ``contacts``
+    (n, 7): position [m], normal and force [N] of each."""
 
     frame: str = ""
     poses: dict[str, Pose] = field(default_factory=dict)

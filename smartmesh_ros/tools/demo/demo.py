@@ -12,7 +12,7 @@ import argparse
 import math
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from pathlib import Path
 from time import monotonic
@@ -59,9 +59,9 @@ START_TIMEOUT = 60.0  # [s]
 
 class Demo:
     """Spawns bodies, drives the robot and tells the state, over a ``remote`` of the collider. ``nodes``: processes that
-    must run."""
+    must run, by name."""
 
-    def __init__(self, remote: Remote, nodes: Sequence[subprocess.Popen[bytes]]) -> None:
+    def __init__(self, remote: Remote, nodes: Mapping[str, subprocess.Popen[bytes]]) -> None:
         self._nodes = nodes
         self.remote, self._caller = remote, Caller(remote, START_TIMEOUT)
         self._commands = remote.node.create_publisher(JointState, f"{remote.name}/joint_commands", 10)
@@ -106,9 +106,9 @@ class Demo:
 
     def require_nodes(self) -> None:
         """Raise `InputError` if a node has ended."""
-        for node in self._nodes:
-            if node.poll() is not None:
-                raise InputError("ended", f"{Path(node.args[0]).name} has ended, with {node.returncode}")
+        for name, process in self._nodes.items():
+            if process.poll() is not None:
+                raise InputError("ended", f"{name} has ended, with {process.returncode}")
         if missing := self.remote.missing:
             raise InputError("missing", missing)
 
@@ -146,7 +146,7 @@ def demo_running(remote: Remote) -> Iterator[Demo]:
     """Run the demo's nodes, each in its own process, with its bodies and robot, for the length of the block."""
     with _node_process("terrain_source", SOURCE) as source, _node_process("terrain_collider", COLLIDER) as collider:
         print("starting terrain_source and terrain_collider ...", flush=True)
-        demo = Demo(remote, [source, collider])
+        demo = Demo(remote, {"terrain_source": source, "terrain_collider": collider})
         demo.spawn_all()
         yield demo
 

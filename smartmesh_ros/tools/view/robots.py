@@ -71,7 +71,7 @@ class Robot:
 
 
 def _matt(visual: Any) -> TextureVisuals:
-    """Return colours of a mesh as those of a matt material. Without a material glTF means metal, which is black here."""
+    """Return colours of a mesh as a matt material. A mesh without one is metal to glTF, which is black here."""
     if isinstance(visual, TextureVisuals):
         material = visual.material
         material = material if isinstance(material, PBRMaterial) else material.to_pbr()
