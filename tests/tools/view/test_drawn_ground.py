@@ -202,6 +202,25 @@ def test_the_tiles_of_a_deck_are_drawn_and_clicked_where_its_odometry_says(serve
     assert "/terrain/tile_" in drawn and "/terrain/tile_ferry%2Froof" not in drawn
 
 
+def test_a_patch_on_a_deck_is_drawn_on_it_where_the_deck_is_drawn(server: Any) -> None:
+    """The deck has moved since the patch."""
+    ground, sight = Ground(), Sight()
+    ground.frames = sight.bases
+    give(ground, heightmap_message(np.zeros((5, 5)), origin=(-1.0, -1.0, 0.25), resolution=0.5, tile="ferry"))
+    vertices = np.array([(4.0, 5.0, 1.0), (4.5, 5.0, 1.0), (4.0, 5.5, 1.0)])
+    sight.patches["box"] = Patch(
+        name="box", kind="trimesh", tile="ferry", row=0, column=0, stride=0, deviation=0.0, linear_w=np.zeros(3),
+        angular_w=np.zeros(3), vertices_w=vertices, triangles=np.array([[0, 1, 2]], np.uint32),
+    )  # fmt: skip
+    place = Odometry(child_frame_id="ferry")
+    place.pose.pose = pose_message((4.0, 5.0, 2.0))
+    sight.take("odometry", serialize_message(place))
+    Scene(server).show(ground, sight)
+    drawn = server.scene._handle_from_node_name["/decks/ferry/patches/mesh"]
+    np.testing.assert_allclose(drawn.vertices[:, :2], [(0.0, 0.0), (0.5, 0.0), (0.0, 0.5)], atol=1e-5)
+    np.testing.assert_allclose(drawn.vertices[:, 2], 0.25, atol=0.01)
+
+
 def test_a_tile_is_drawn_whatever_the_names_of_others_and_stays_when_they_go(server: Any) -> None:
     ground, scene, drawn = Ground(), TerrainScene(server.scene), server.scene._handle_from_node_name
     names = ["", "map", "a", "a/b", "a%2Fb", "a/b/c"]
