@@ -220,7 +220,7 @@ def test_a_slider_sets_a_parameter_and_a_refusal_says_why(probe: Probe, page: An
     field = row(page, "gravity").get_by_role("textbox")
     field.fill("[0.0, 1.0]")
     field.press("Enter")
-    page.get_by_text("refused:").wait_for()
+    page.get_by_text("is refused:").wait_for()
     assert parameter(probe, "physics.gravity") == [0.0, 0.0, -9.81]
 
 
