@@ -152,6 +152,12 @@ def test_a_node_is_named_or_those_that_run_are(shared: Probe, remote: Remote) ->
     assert f"running: {shared.collider}" in str(missing.value)
 
 
+def test_a_topic_that_is_misspelt_is_answered_by_the_one_that_may_be_meant(shared: Probe, remote: Remote) -> None:
+    options = command.parser().parse_args(["echo", "body_state", "--once"])
+    with pytest.raises(InputError, match=f"no topic .*/body_state .*; did you mean '{shared.collider}/body_states'"):
+        options.act(command.Caller(remote, 1.0), options)
+
+
 def test_negative_numbers_are_no_options() -> None:
     parse = command.parser().parse_args
     assert parse(["spawn", "ball", "--sphere", "0.1", "--at", "-3.1e-16", "-2.", "--z", "-1E3"]).at == [-3.1e-16, -2.0]

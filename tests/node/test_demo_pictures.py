@@ -1,12 +1,17 @@
 """The demo's pictures show all of the ground that they begin to show, and every body that their legend names."""
 
+import subprocess
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.image import imread
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.demo import demo, demo_pictures
 from smartmesh_ros.tools.demo.demo_pictures import BODY_COLOURS, Frame
 
@@ -60,3 +65,14 @@ def test_what_would_fail_at_the_end_of_the_demo_is_told_at_its_start(
     with pytest.raises(SystemExit) as end:
         demo.main([option, value])
     assert words in f"{end.value}{capfd.readouterr().err}"
+
+
+def test_the_demo_fails_when_one_of_its_nodes_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bodies that nobody simulates are not lost either."""
+    ended = subprocess.Popen(["false"])
+    ended.wait()
+    monkeypatch.setattr(demo, "_node_process", lambda *_: nullcontext(ended))
+    monkeypatch.setattr(demo.Demo, "spawn_all", lambda _: None)
+    remote: Any = SimpleNamespace(name="/n", node=SimpleNamespace(create_publisher=lambda *_: None))
+    with demo.demo_running(remote) as made, pytest.raises(InputError, match="terrain_source has ended, with 1"):
+        made.require_nodes()

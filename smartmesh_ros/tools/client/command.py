@@ -138,7 +138,14 @@ def echo(caller: Caller, options: argparse.Namespace) -> str:
     """Print messages of a topic of the node as YAML."""
     remote, topic = caller.remote, options.topic
     full = topic if topic.startswith("/") else f"{remote.name}/{topic}"
-    types = caller.wait_for(lambda: dict(remote.node.get_topic_names_and_types()).get(full), f"topic {full}")
+
+    def known() -> dict[str, list[str]]:
+        return dict(remote.node.get_topic_names_and_types())
+
+    try:
+        types = caller.wait_for(lambda: known().get(full), f"topic {full}")
+    except InputError as error:
+        raise InputError("timeout", f"{error}{suggestion(full, known())}") from None
     package, middle, name = types[0].split("/")
     try:
         kind = getattr(importlib.import_module(f"{package}.{middle}"), name)

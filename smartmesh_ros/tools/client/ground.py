@@ -113,3 +113,4 @@ class Ground:
             self.tiles[tile] = shown
         else:  # an empty message removes its tile
             self.tiles.pop(tile, None)
+            self.first.pop(tile, None)

@@ -83,22 +83,18 @@ class Remote:
         self.node = Node("smartmesh_view", use_global_arguments=False)
         self._executor = EventsExecutor()
         self._executor.add_node(self.node)
-        self.ground, self.sight = Ground(), Sight()
-        self.ground.frames = self.sight.bases
         self.timings: deque[tuple[float, Any]] = deque(maxlen=TIMINGS)
         self.counts: Counter[str] = Counter()
-        self.tasks: dict[str, DiagnosticStatus] = {}
-        self.warnings: list[str] = []
         self.log: deque[str] = deque(maxlen=LOG_LINES)
-        self.paused: bool | None = None
         self.changed_parameters: dict[str, Any] = {}
         self.parameters = AsyncParameterClient(self.node, name)
         self._clients = {key: self.node.create_client(kind, f"{name}/{key}") for key, kind in SERVICES.items()}
         self._new: dict[str, deque[bytes]] = {}
         self._watched: set[str] = set()
         self._subscriptions: dict[str, tuple[Any, int]] = {}  # with the numbers of publishers
-        self._check_due = 0.0
         self._no_maps_until = 0.0  # end of the pause in receiving whole maps [s]
+        self._runs: frozenset[Any] = frozenset()  # that `ground` and `sight` are of
+        self._forget()
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         self.node.create_subscription(Log, "/rosout", self._on_log, 50)
         self.node.create_subscription(ParameterEvent, "/parameter_events", self._on_parameters, 100)
@@ -110,6 +106,10 @@ class Remote:
 
     def spin(self, seconds: float) -> None:
         """Handle messages for this long."""
+        runs, before = self.runs, self._runs
+        self._runs = runs
+        if before and (runs - before or not runs):
+            self._forget()
         if monotonic() >= self._check_due:
             self._subscribe()
         end = monotonic() + seconds
@@ -165,6 +165,20 @@ class Remote:
                 self.sight.patches = read_patches(data).onto(self.sight.patches)
         for data in self._new.pop("timing", ()):
             self.timings.append((monotonic(), deserialize_message(data, Timing)))
+
+    def _forget(self) -> None:
+        """Forget terrain, bodies and diagnostics of a run that has ended, and subscribe anew, so that latched messages
+        come again."""
+        for subscription, _ in self._subscriptions.values():
+            self.node.destroy_subscription(subscription)
+        self._subscriptions.clear()
+        self._new.clear()
+        self.ground, self.sight = Ground(), Sight()
+        self.ground.frames = self.sight.bases
+        self.tasks: dict[str, DiagnosticStatus] = {}
+        self.warnings: list[str] = []
+        self.paused: bool | None = None
+        self._check_due = 0.0
 
     def _subscribe(self) -> None:
         """Subscribe to maps and watched outputs that have publishers, with the best QoS that these offer, so that a

@@ -40,11 +40,12 @@ class Pose(NamedTuple):
 
 @dataclass
 class Sight:
-    """The newest state of everything but the terrain. ``poses``, ``appearances`` and ``patches`` by body; ``asleep``:
-    simulated bodies without any velocity; ``bases``: poses of robots' base links and of decks, by frame as in
-    ~/odometry; ``joints``: positions [rad, m] by name as in ~/joint_states; ``contacts`` (n, 7): position [m], normal
-    and force [N] of each."""
+    """The newest state of everything but the terrain, in the terrain's ``frame``. ``poses``, ``appearances`` and
+    ``patches`` by body; ``asleep``: simulated bodies without any velocity; ``bases``: poses of robots' base links and
+    of decks, by frame as in ~/odometry; ``joints``: positions [rad, m] by name as in ~/joint_states; ``contacts``
+    (n, 7): position [m], normal and force [N] of each."""
 
+    frame: str = ""
     poses: dict[str, Pose] = field(default_factory=dict)
     appearances: dict[str, BodyDescription] = field(default_factory=dict)
     asleep: frozenset[str] = frozenset()
@@ -97,9 +98,11 @@ class Sight:
         elif topic == "contacts":
             rows = [(*_xyz(c.position), *_xyz(c.normal), c.normal_force) for c in message.contacts]
             self.contacts = np.array(rows).reshape(-1, 7)
-        else:
+        elif topic == "body_states" or message.header.frame_id.strip("/") in ("", self.frame):
             self.poses.update((body.id, _pose(body.pose)) for body in message.bodies)
-        if topic == "body_states":  # only the velocities of sleeping bodies are exactly zero
+        if topic == "body_states":
+            self.frame = message.header.frame_id
+            # Only the velocities of sleeping bodies are exactly zero.
             moving = (body.id for body in message.bodies if any(_xyz(body.twist.linear) + _xyz(body.twist.angular)))
             self.asleep = frozenset(body.id for body in message.bodies) - frozenset(moving)
 

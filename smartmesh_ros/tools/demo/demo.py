@@ -12,7 +12,7 @@ import argparse
 import math
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from pathlib import Path
 from time import monotonic
@@ -58,9 +58,11 @@ START_TIMEOUT = 60.0  # [s]
 
 
 class Demo:
-    """Spawns bodies, drives the robot and tells the state, over a ``remote`` of the collider."""
+    """Spawns bodies, drives the robot and tells the state, over a ``remote`` of the collider. ``nodes``: processes that
+    must run, by name."""
 
-    def __init__(self, remote: Remote) -> None:
+    def __init__(self, remote: Remote, nodes: Mapping[str, subprocess.Popen[bytes]]) -> None:
+        self._nodes = nodes
         self.remote, self._caller = remote, Caller(remote, START_TIMEOUT)
         self._commands = remote.node.create_publisher(JointState, f"{remote.name}/joint_commands", 10)
 
@@ -102,6 +104,14 @@ class Demo:
         """Command the robot's wheels."""
         self._commands.publish(JointState(name=WHEELS, velocity=[6.0] * len(WHEELS)))
 
+    def require_nodes(self) -> None:
+        """Raise `InputError` if a node has ended."""
+        for name, process in self._nodes.items():
+            if process.poll() is not None:
+                raise InputError("ended", f"{name} has ended, with {process.returncode}")
+        if missing := self.remote.missing:
+            raise InputError("missing", missing)
+
     def lost(self) -> int:
         """Return the number of bodies and links below the ground, from the node's diagnostics."""
         return int(self._value("bodies", "below ground"))
@@ -134,21 +144,21 @@ class Demo:
 @contextmanager
 def demo_running(remote: Remote) -> Iterator[Demo]:
     """Run the demo's nodes, each in its own process, with its bodies and robot, for the length of the block."""
-    demo = Demo(remote)
-    with _node_process("terrain_source", SOURCE), _node_process("terrain_collider", COLLIDER):
+    with _node_process("terrain_source", SOURCE) as source, _node_process("terrain_collider", COLLIDER) as collider:
         print("starting terrain_source and terrain_collider ...", flush=True)
+        demo = Demo(remote, {"terrain_source": source, "terrain_collider": collider})
         demo.spawn_all()
         yield demo
 
 
 @contextmanager
-def _node_process(name: str, parameters: dict[str, Any]) -> Iterator[None]:
+def _node_process(name: str, parameters: dict[str, Any]) -> Iterator[subprocess.Popen[bytes]]:
     """Run an installed executable of the package as a process for the length of the block."""
     path = Path(get_package_prefix("smartmesh_ros")) / "lib" / "smartmesh_ros" / name
     given = [word for key, value in parameters.items() for word in ("-p", f"{key}:={value}")]
     process = subprocess.Popen([str(path), "--ros-args", *given], stdout=subprocess.DEVNULL)
     try:
-        yield
+        yield process
     finally:
         process.terminate()
         process.wait(10)
@@ -162,6 +172,7 @@ def watch(demo: Demo, seconds: float) -> tuple[list[Frame], int]:
     next_line, next_frame = start + 1.0, start
     while (now := monotonic()) < start + seconds:
         demo.remote.spin(0.01)
+        demo.require_nodes()
         if now >= next_frame:
             next_frame += 0.25
             frames.append(demo.frame(now - start))

@@ -38,7 +38,10 @@ class Knob(NamedTuple):
     def add_to(self, gui: Any) -> Any:
         """Add the widget to the page; return its handle."""
         label = self.name.partition(".")[2] or self.name
-        return getattr(gui, f"add_{self.kind}")(label, initial_value=self.value, **self.options)
+        handle = getattr(gui, f"add_{self.kind}")(label, initial_value=self.value, **self.options)
+        if self.kind == "number":  # viser shows seven digits at most
+            handle.precision = max(0, -math.floor(math.log10(self.options.get("step", 1))))
+        return handle
 
 
 def knob_of(descriptor: ParameterDescriptor, value: Any) -> Knob | None:
@@ -83,7 +86,7 @@ def shown_value(value: Any) -> Any:
 def nice_step(value: float, low: float, high: float) -> float:
     """Return a power of ten that divides a range into at least `SLIDER_STEPS`, and nearly divides ``value``."""
     step = 10.0 ** math.floor(math.log10((high - low) / SLIDER_STEPS))
-    while abs(value / step - round(value / step)) > 1e-6 and step > 1e-9:
+    while abs(value / step - round(value / step)) > 1e-6 * min(1.0, abs(value / step)) and step > 1e-9:
         step *= 0.1
     return float(f"{step:.0e}")
 

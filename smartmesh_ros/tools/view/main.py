@@ -71,7 +71,8 @@ def show(options: argparse.Namespace, stop: Stop) -> None:
                 remote.spin(max(due - monotonic(), 0.0))
                 due = max(due + 1.0 / options.rate, monotonic())
                 page.refresh()
-                if demo is not None:
+                if demo is not None and not stop.asked:
+                    demo.require_nodes()
                     demo.drive()
 
 

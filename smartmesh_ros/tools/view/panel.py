@@ -99,7 +99,8 @@ class Panel:
         remote = self._remote
         self._status.content = self._status_words()
         self._pause.label = "Continue" if remote.paused else "Pause"
-        self._warnings.content = "\n".join(f"- {line}" for line in [*remote.warnings, *remote.log]) or "none"
+        lines = dict.fromkeys([*remote.warnings, *remote.log])  # each once
+        self._warnings.content = "\n".join(f"- {line}" for line in lines) or "none"
         self._show_selected()
         self._chart.update(remote.timings)
 
@@ -125,7 +126,7 @@ class Panel:
     def _call(self, service: str, **fields: Any) -> None:
         def done(refused: str) -> None:
             if refused:
-                self._remote.log.append(f"{service}: {refused}")
+                self._remote.log.append(f"{service} refused: {refused}")  # the node's log has the same words
             elif service == "pause":
                 self._remote.paused = fields["data"]
 

@@ -12,6 +12,8 @@ from xml.etree import ElementTree
 import numpy as np
 import yourdfpy
 from smartmesh_msgs.msg import BodyDescription
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 from viser.extras import ViserUrdf
 
 from smartmesh_ros.errors import InputError
@@ -36,6 +38,8 @@ class Robot:
         self._root, self._top, self.readable = "", UNKNOWN_TOP, False
         try:
             urdf = yourdfpy.URDF.load(io.BytesIO(_drawable(appearance)), filename_handler=lambda fname: fname)
+            for mesh in urdf.scene.geometry.values():
+                mesh.visual = _matt(mesh.visual)
             self._shown = ViserUrdf(server, urdf, root_node_name=f"/robots/{name}")
             self._root, self._joints = urdf.base_link, list(urdf.actuated_joint_names)
             if (bounds := urdf.scene.bounds) is not None:
@@ -66,11 +70,25 @@ class Robot:
         self._label.remove()
 
 
+def _matt(visual: Any) -> TextureVisuals:
+    """Return colours of a mesh as a matt material. A mesh without one is metal to glTF, which is black here."""
+    if isinstance(visual, TextureVisuals):
+        material = visual.material
+        material = material if isinstance(material, PBRMaterial) else material.to_pbr()
+    else:
+        visual, material = TextureVisuals(), PBRMaterial(baseColorFactor=visual.main_color)
+    visual.material, material.metallicFactor = material, 0.0
+    return visual
+
+
 def _drawable(appearance: BodyDescription) -> bytes:
     """Return a description that this machine can draw: non-numeric origins become zeros, as in PyBullet, meshes have
     the paths of their files, and links whose meshes are missing are drawn by their collision shapes."""
     folder = Path(appearance.urdf_file).parent if appearance.urdf_file else None
     root = ElementTree.fromstring(appearance.urdf)
+    root[:0] = root.findall("link/visual/material[color]")  # other links may name them
+    for capsule in root.iter("capsule"):  # which PyBullet reads, but yourdfpy does not
+        capsule.tag = "cylinder"
     for origin in root.iter("origin"):
         for key in ("xyz", "rpy"):
             if _NO_NUMBERS.search(origin.get(key, "")):

@@ -7,8 +7,11 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from smartmesh_msgs.msg import BodyDescription
 
+from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.client.ground import Ground
 from smartmesh_ros.tools.client.patch import Patch
 from smartmesh_ros.tools.client.sight import DEFAULT_RADIUS, ROBOT_RADIUS, Sight, Vector
@@ -55,7 +58,7 @@ class Scene:
         with self._server.atomic():
             patches = list(sight.patches.values())
             self._terrain.show(ground, positions, radii, patches, sunk=self.show_sunk)
-            self._patches.show(patch_meshes(patches))
+            self._patches.show(patch_meshes(patches, ground))
             self._show_robots(sight)
             self._show_bodies(sight)
             self._show_contacts(sight, float(np.median(radii)) if len(radii) else DEFAULT_RADIUS)
@@ -111,16 +114,31 @@ class Scene:
             shown.shaft_radius, shown.head_radius, shown.head_length = 0.06 * radius, 0.16 * radius, 0.4 * radius
 
 
-def patch_meshes(patches: Iterable[Patch]) -> dict[str, Mesh]:
-    """Return one mesh of the patches of each look, `LIFT` above the ground."""
-    groups: dict[PatchLook, list[Patch]] = defaultdict(list)
+def patch_meshes(patches: Iterable[Patch], ground: Ground) -> dict[str, Mesh]:
+    """Return one mesh of the patches of each look, `LIFT` above the ground, and of each deck, in its frame."""
+    groups: dict[tuple[str, PatchLook], list[tuple[FloatArray, NDArray[np.uint32]]]] = defaultdict(list)
     for patch in patches:
         if len(patch.triangles):
-            groups[looks.patch_look(patch.kind, patch.stride)].append(patch)
+            root, vertices = placed(patch, ground)
+            groups[root, looks.patch_look(patch.kind, patch.stride)].append((vertices, patch.triangles))
     meshes = {}
-    for look, group in groups.items():
-        starts = np.cumsum([0, *(len(patch.vertices_w) for patch in group)])
-        triangles = np.concatenate([patch.triangles + start for patch, start in zip(group, starts, strict=False)])
-        vertices = np.nan_to_num(np.concatenate([patch.vertices_w for patch in group]) + LIFT).astype(np.float32)
-        meshes[f"/patches/{look.name.lower()}"] = Mesh(vertices, triangles.astype(np.uint32), look.colour, "double")
+    for (root, look), group in groups.items():
+        starts = np.cumsum([0, *(len(vertices) for vertices, _ in group)])
+        triangles = np.concatenate([part + start for (_, part), start in zip(group, starts, strict=False)])
+        vertices = np.nan_to_num(np.concatenate([vertices for vertices, _ in group]) + LIFT).astype(np.float32)
+        path = f"{root}/patches/{look.name.lower()}"
+        meshes[path] = Mesh(vertices, triangles.astype(np.uint32), look.colour, "double")
     return meshes
+
+
+def placed(patch: Patch, ground: Ground) -> tuple[str, FloatArray]:
+    """Return the path of the frame in which a patch is drawn, and its vertices there [m]: on a deck, which may have
+    moved since, those of its map."""
+    deck, tile = ground.deck_of(patch.tile), ground.tiles.get(patch.tile)
+    if deck is None or not isinstance(tile, HeightMap):
+        return "", patch.vertices_w
+    frame = ground.terrain().decks[deck].frame(0.0)
+    vertices = (patch.vertices_w - frame.position) @ frame.rotation
+    heights = tile.at(vertices[:, :2], 0.0).heights
+    vertices[:, 2] = np.where(np.isnan(heights), vertices[:, 2], heights)
+    return f"/decks/{deck}", vertices

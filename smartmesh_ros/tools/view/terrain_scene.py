@@ -128,6 +128,7 @@ class TerrainScene:
                 relief.follow(tile, of_tile[name])
             meshes |= relief.meshes(tile, near if deck else bodies, radii, ground.first[name] if sunk else None)
         self._meshes.show(meshes)
+        self._reliefs = {name: relief for name, relief in self._reliefs.items() if name in ground.tiles}
 
     def _show_frames(self, ground: Ground, decks: Iterable[str]) -> None:
         """Move the frames of decks, under which their tiles are drawn."""

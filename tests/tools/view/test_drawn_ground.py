@@ -1,6 +1,7 @@
 """What the page draws of terrain and robots, without a browser: clicks, colours of ruts and materials, decks."""
 
 import asyncio
+import io
 import math
 import subprocess
 import sys
@@ -14,7 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
-from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate
+from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate, TrackedBody, TrackedBodyArray
+from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.client.patch import Patch
@@ -171,6 +173,14 @@ def test_no_ground_is_drawn_over_a_patch_that_has_moved_since_the_map(server: An
         assert found[(16, 20)] == pytest.approx(tile.heights[20, 16], abs=1e-5)
 
 
+def test_tracked_bodies_of_another_frame_are_not_drawn_where_they_are_not() -> None:
+    sight = Sight()
+    for topic, frame in (("body_states", "map"), ("tracked_bodies", "odom"), ("tracked_bodies", "/map")):
+        body = TrackedBody(id=f"{topic} in {frame}")
+        sight.take(topic, serialize_message(TrackedBodyArray(header=Header(frame_id=frame), bodies=[body])))
+    assert sight.poses.keys() == {"body_states in map", "tracked_bodies in /map"}
+
+
 def test_the_tiles_of_a_deck_are_drawn_and_clicked_where_its_odometry_says(server: Any) -> None:
     ground, sight = ground_of(np.zeros((11, 11)), resolution=1.0), Sight()
     ground.frames = sight.bases
@@ -192,6 +202,25 @@ def test_the_tiles_of_a_deck_are_drawn_and_clicked_where_its_odometry_says(serve
     assert "/terrain/tile_" in drawn and "/terrain/tile_ferry%2Froof" not in drawn
 
 
+def test_a_patch_on_a_deck_is_drawn_on_it_where_the_deck_is_drawn(server: Any) -> None:
+    """The deck has moved since the patch."""
+    ground, sight = Ground(), Sight()
+    ground.frames = sight.bases
+    give(ground, heightmap_message(np.zeros((5, 5)), origin=(-1.0, -1.0, 0.25), resolution=0.5, tile="ferry"))
+    vertices = np.array([(4.0, 5.0, 1.0), (4.5, 5.0, 1.0), (4.0, 5.5, 1.0)])
+    sight.patches["box"] = Patch(
+        name="box", kind="trimesh", tile="ferry", row=0, column=0, stride=0, deviation=0.0, linear_w=np.zeros(3),
+        angular_w=np.zeros(3), vertices_w=vertices, triangles=np.array([[0, 1, 2]], np.uint32),
+    )  # fmt: skip
+    place = Odometry(child_frame_id="ferry")
+    place.pose.pose = pose_message((4.0, 5.0, 2.0))
+    sight.take("odometry", serialize_message(place))
+    Scene(server).show(ground, sight)
+    drawn = server.scene._handle_from_node_name["/decks/ferry/patches/mesh"]
+    np.testing.assert_allclose(drawn.vertices[:, :2], [(0.0, 0.0), (0.5, 0.0), (0.0, 0.5)], atol=1e-5)
+    np.testing.assert_allclose(drawn.vertices[:, 2], 0.25, atol=0.01)
+
+
 def test_a_tile_is_drawn_whatever_the_names_of_others_and_stays_when_they_go(server: Any) -> None:
     ground, scene, drawn = Ground(), TerrainScene(server.scene), server.scene._handle_from_node_name
     names = ["", "map", "a", "a/b", "a%2Fb", "a/b/c"]
@@ -202,6 +231,7 @@ def test_a_tile_is_drawn_whatever_the_names_of_others_and_stays_when_they_go(ser
         ground.apply_waiting()
         scene.show(ground, np.zeros((0, 3)), np.zeros(0), [])
         assert sum(path.startswith("/terrain/") for path in drawn) == len(names) - 1
+        assert scene._reliefs.keys() == ground.first.keys() == ground.tiles.keys(), "nothing is kept of what is gone"
 
 
 URDF = '<robot name="r"><link name="b"><visual><geometry><box size="1 1 0.4"/></geometry></visual></link></robot>'
@@ -221,6 +251,26 @@ def test_a_robot_is_drawn_by_its_meshes_and_else_by_its_collision_shapes(
     assert robot.readable
     height = 0.4 if mesh == "box.stl" else 0.2
     assert server.scene._handle_from_node_name["/labels/rover"].position[2] == pytest.approx(1.0 + height + GAP)
+
+
+def test_a_robot_has_the_colours_of_its_description_in_daylight(server: Any, tmp_path: Path) -> None:
+    """Of a material that another link defines too, and of a mesh's own. Metal would be black without surroundings."""
+    shapes = '<box size="1 1 1"/>', '<capsule radius="1" length="2"/>', '<mesh filename="cube.obj"/>'
+    red = '<material name="red"><color rgba="1 0 0 1"/></material>', '<material name="red"/>', ""
+    links = [
+        f'<link name="link_{k}"><visual><geometry>{shapes[k]}</geometry>{red[k]}</visual></link>'
+        f'<joint name="joint_{k}" type="fixed"><parent link="base"/><child link="link_{k}"/></joint>'
+        for k in range(3)
+    ]
+    (tmp_path / "cube.obj").write_text("mtllib cube.mtl\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    (tmp_path / "cube.mtl").write_text("newmtl red\nKd 1 0 0\n")
+    urdf = f'<robot name="r"><link name="base"/>{"".join(links)}</robot>'
+    assert Robot(server, "r", BodyDescription(urdf=urdf, urdf_file=str(tmp_path / "robot.urdf"))).readable
+    drawn = [handle for handle in server.scene._handle_from_node_name.values() if hasattr(handle, "glb_data")]
+    assert len(drawn) == 3
+    for handle in drawn:
+        material = trimesh.load_mesh(io.BytesIO(handle.glb_data), file_type="glb").visual.material
+        assert material.main_color.tolist() == [255, 0, 0, 255] and material.metallicFactor == 0.0
 
 
 def test_each_of_two_robots_is_where_its_own_frame_is(server: Any) -> None:

@@ -1,13 +1,17 @@
-"""The tab of parameters beside a node that is killed and started again."""
+"""The view beside a node that ends, or is killed, and is started again."""
 
+from collections.abc import Iterator
 from contextlib import closing, nullcontext
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 import rclpy
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from smartmesh_msgs.msg import Heightmap, TrackedBodyArray
 
-from smartmesh_ros.tools.testing import COLLIDER, Probe, Process
+from smartmesh_ros.tools.testing import COLLIDER, Probe, Process, heightmap_message, mesh_message
 
 pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")
 
@@ -32,20 +36,55 @@ class Gui:
         return add
 
 
-def test_the_page_shows_the_parameters_of_the_node_that_runs_now(probe: Probe) -> None:
-    """Also where it was killed in the middle of an answer, and the page stayed open meanwhile."""
+@pytest.fixture
+def remote(domain: int) -> Iterator[Remote]:
+    """What a view knows of the node."""
     rclpy.init()
-    server = Gui()
-    with closing(Remote(COLLIDER)) as remote:
-        panel = KnobPanel(server, remote, nullcontext())
-
-        def shown() -> Any:
-            remote.spin(0.05)
-            panel.update()
-            return "rate" in server.widgets and server.widgets["rate"].value
-
-        for rate in (100.0, 120.0):
-            with Process("terrain_collider", {"physics.rate": rate}) as process:
-                probe.wait_for(lambda rate=rate: shown() == rate, watch=process)
-                process.process.kill()
+    with closing(Remote(COLLIDER)) as made:
+        yield made
     rclpy.try_shutdown()
+
+
+def test_the_page_shows_the_parameters_of_the_node_that_runs_now(probe: Probe, remote: Remote) -> None:
+    """Also where it was killed in the middle of an answer, and the page stayed open meanwhile."""
+    server = Gui()
+    panel = KnobPanel(server, remote, nullcontext())
+
+    def shown() -> Any:
+        remote.spin(0.05)
+        panel.update()
+        return "rate" in server.widgets and server.widgets["rate"].value
+
+    for rate in (100.0, 120.0):
+        with Process("terrain_collider", {"physics.rate": rate}) as process:
+            probe.wait_for(lambda rate=rate: shown() == rate, watch=process)
+            process.process.kill()
+
+
+@pytest.mark.parametrize("killed", [False, True])
+def test_the_ground_of_a_run_that_is_over_is_forgotten(probe: Probe, remote: Remote, *, killed: bool) -> None:
+    """Unless it comes again, as a latched map does. A node that was killed is seen for a while beside the next."""
+    maps, states = (f"{COLLIDER}/{topic}" for topic in ("heightmap", "body_states"))
+    probe.node.destroy_publisher(probe.publishers.pop("heightmap"))
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    probe.node.create_publisher(Heightmap, maps, latched).publish(heightmap_message(np.zeros((4, 4))))
+    run = probe.node.create_publisher(TrackedBodyArray, states, 10)
+
+    def tiles() -> list[str]:
+        remote.spin(0.05)
+        remote.apply_waiting()
+        return sorted(remote.ground.tiles)
+
+    def given(tile: str) -> list[str]:
+        probe.publishers["terrain_mesh"].publish(mesh_message(np.eye(3), [(0, 1, 2)], tile=tile))
+        return tiles()
+
+    probe.wait_for(lambda: remote.is_running and given("before") == ["", "before"])
+    if not killed:
+        probe.node.destroy_publisher(run)
+        probe.wait_for(lambda: tiles() == [""])
+    probe.node.create_publisher(TrackedBodyArray, states, 10)
+    probe.wait_for(lambda: given("now") == ["", "now"])
+    if killed:
+        probe.node.destroy_publisher(run)
+    probe.wait_for(lambda: tiles() == ["", "now"] and len(remote.runs) == 1)

@@ -23,6 +23,7 @@ from smartmesh_ros.tools.client.sight import Sight
 from smartmesh_ros.tools.view import looks
 from smartmesh_ros.tools.view.knobs import knob_of, nice_step, parameter_of, shown_value
 from smartmesh_ros.tools.view.looks import PatchLook, patch_look
+from smartmesh_ros.tools.view.page import start_server, stop_server
 from smartmesh_ros.tools.view.panel import CUT, chart_data
 
 
@@ -64,6 +65,16 @@ def test_sliders_can_stand_at_values_of_few_digits(low: float, length: float, sh
     step = nice_step(value, low, low + length)
     assert abs(value / step - round(value / step)) < 1e-3
     assert step <= length / 100
+
+
+def test_a_small_number_has_the_digits_that_show_it() -> None:
+    """More than viser gives it."""
+    server = start_server("127.0.0.1", 0)
+    try:
+        shown = knobs()["physics.solver_residual"].add_to(server.gui)
+    finally:
+        stop_server(server)
+    assert shown.value == float(f"{shown.value:.{shown.precision}f}") > 0.0
 
 
 def test_a_text_that_is_no_list_is_refused_with_an_example() -> None:

@@ -184,6 +184,16 @@ def test_the_button_pauses_the_node_and_lets_it_go_on(probe: Probe, page: Any) -
     page.get_by_role("button", name="Pause").wait_for()
 
 
+def test_a_refusal_is_told_once(probe: Probe, page: Any) -> None:
+    page.get_by_text("Step and reset").click()
+    page.get_by_role("button", name="Step", exact=True).click()
+    told = page.get_by_text("the physics is running; call ~/pause with data: true first")
+    wait(probe, page, told.count)
+    page.wait_for_timeout(1000)
+    assert told.count() == 1
+    page.get_by_text("Step and reset").click()
+
+
 def test_a_click_tells_the_name_of_a_body_and_its_patch(probe: Probe, page: Any) -> None:
     page.mouse.click(*pixel(position(probe, "flat")))
     page.get_by_text("triangles of ground in reach").wait_for()
@@ -210,7 +220,7 @@ def test_a_slider_sets_a_parameter_and_a_refusal_says_why(probe: Probe, page: An
     field = row(page, "gravity").get_by_role("textbox")
     field.fill("[0.0, 1.0]")
     field.press("Enter")
-    page.get_by_text("refused:").wait_for()
+    page.get_by_text("is refused:").wait_for()
     assert parameter(probe, "physics.gravity") == [0.0, 0.0, -9.81]
 
 
