@@ -115,6 +115,6 @@ def test_a_box_does_not_creep_on_a_map_that_turns(maps: int) -> None:
     assert end == pytest.approx(begin, abs=2e-5)
 
 
-def test_a_robot_turns_with_a_map_if_friction_keeps_no_places() -> None:
+def test_a_robot_turns_with_a_map_if_friction_erp_is_zero() -> None:
     found = ride(lambda time: (0.0, 0.0, time), 1.0, (0.5, 0.0), body=ROBOT, share=0.0)(1.0)
     assert found.angular == pytest.approx((0.0, 0.0, 1.0), abs=1e-3)
