@@ -232,8 +232,8 @@ class BulletWorld {
   const Convex* convex_of_part(Slot& slot, const btCollisionShape& shape);
   static void find_parts(Slot& slot);
   static int part_number(Slot& slot, const btCollisionShape& shape);
-  // Returns the body in a slot as the soil sees it now, in a step of some duration [s].
-  OnSoil on_soil(const Slot& slot, double step) const;
+  // Returns the body in a slot as the soil sees it now, in a step of some duration [s]; `ahead`: as in `motion_around`.
+  OnSoil on_soil(const Slot& slot, double step, double ahead) const;
 
   WorldPlace place_;
   GroundAlgorithms algorithms_{this};

@@ -109,13 +109,13 @@ void BulletWorld::press_soil() {
     if (slot.on_soil.empty() || slot.object == nullptr || slot.ground == nullptr) continue;
     if (!slot.object->isActive()) continue;
     read_velocity(slot);
-    soil->press(on_soil(slot, duration), slot.on_soil);
+    soil->press(on_soil(slot, duration, -duration), slot.on_soil);
   }
   soil->next();
 }
 
 // A robot rests on those of its links alike that touched the soil in the last step.
-OnSoil BulletWorld::on_soil(const Slot& slot, double step) const {
+OnSoil BulletWorld::on_soil(const Slot& slot, double step, double ahead) const {
   int count = 0;
   for (const Role& role : bodies_[slot.body].roles) {
     if (role.is_proxy) continue;
@@ -123,10 +123,10 @@ OnSoil BulletWorld::on_soil(const Slot& slot, double step) const {
   }
   OnSoil found;
   found.pose = from_bullet(slot.object->getWorldTransform());
-  found.soil = soil->motion_at(found.pose.at, time, step);
+  found.soil = soil->motion_around(found.pose.at, slot.rest.radius, time, ahead);
   found.approach.centre = found.pose.at;
-  found.approach.linear = slot.linear - found.soil.velocity, found.approach.angular = slot.angular;
-  found.approach.ground = found.soil.velocity;
+  found.approach.linear = slot.linear - found.soil.velocity_at(found.pose.at);
+  found.approach.angular = slot.angular - found.soil.angular;
   found.approach.duration = step;
   found.approach.gravity = from_bullet(world_->getGravity());
   if (slot.belt.speed != 0.0) found.belt = belt_of(slot);
@@ -208,7 +208,7 @@ void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionO
   if (!slot.decks.empty()) find_deck_contacts(slot, *shape, pose, step);
   if (on_decks_.empty() && soil != nullptr && soil->is_under(pose.at, time)) {
     SoilPart& part = slot.on_soil[part_number(slot, *body.getCollisionShape())];
-    soil->touch(*shape, pose, on_soil(slot, step), before_, part, contacts_, rows_);
+    soil->touch(*shape, pose, on_soil(slot, step, step), before_, part, contacts_, rows_);
   } else {
     search_.run(*shape, pose, *terrain, time, approach.with_margin(slot.near.spread * step), contacts_);
     contacts_.insert(contacts_.end(), on_decks_.begin(), on_decks_.end());
