@@ -5,16 +5,16 @@
 namespace smartmesh {
 
 // A robot rests on those of its links alike that touched the soil in the last step.
-OnSoil on_soil(const Instant& now, const Attached& attached, const Slot& slot, double step) {
+OnSoil on_soil(const Instant& now, const Attached& attached, const Slot& slot, double step, double ahead) {
   int count = 0;
   for (int k : attached.bodies[slot.body].slots)
     for (const auto& [number, part] : attached.slots[k].on_soil) count += now.soil->was_near(part) && !part.up.empty();
   OnSoil found;
   found.pose = from_bullet(slot.object->getWorldTransform());
-  found.soil = now.soil->motion_at(found.pose.at, now.time, step);
+  found.soil = now.soil->motion_around(found.pose.at, slot.rest.radius, now.time, ahead);
   found.approach.centre = found.pose.at;
-  found.approach.linear = slot.linear - found.soil.velocity, found.approach.angular = slot.angular;
-  found.approach.ground = found.soil.velocity;
+  found.approach.linear = slot.linear - found.soil.velocity_at(found.pose.at);
+  found.approach.angular = slot.angular - found.soil.angular;
   found.approach.duration = step;
   found.approach.gravity = from_bullet(now.world.getGravity());
   if (slot.belt.speed != 0.0) found.belt = slot.belt_axis();
@@ -29,7 +29,7 @@ void press_soil(const Instant& now, Attached& attached) {
     if (slot.on_soil.empty() || slot.object == nullptr || slot.ground == nullptr) continue;
     if (!slot.object->isActive()) continue;
     slot.read_velocity();
-    now.soil->press(on_soil(now, attached, slot, now.duration), slot.on_soil);
+    now.soil->press(on_soil(now, attached, slot, now.duration, -now.duration), slot.on_soil);
   }
   now.soil->next();
 }

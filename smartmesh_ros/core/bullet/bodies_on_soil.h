@@ -6,8 +6,9 @@
 
 namespace smartmesh {
 
-// Returns the body in a slot as the soil sees it now, in a step of some duration [s]. There must be soil.
-OnSoil on_soil(const Instant& now, const Attached& attached, const Slot& slot, double step);
+// Returns the body in a slot as the soil sees it now, in a step of some duration [s]; `ahead`: as in `motion_around`.
+// There must be soil.
+OnSoil on_soil(const Instant& now, const Attached& attached, const Slot& slot, double step, double ahead);
 
 // Presses the soil, if there is any, to where the awake bodies are at the end of a step.
 void press_soil(const Instant& now, Attached& attached);

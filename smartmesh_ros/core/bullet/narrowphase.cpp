@@ -32,7 +32,7 @@ void Narrowphase::touch(Slot& slot, const btCollisionObjectWrapper& part, btPers
   if (!slot.decks.empty()) find_on_decks(slot, *shape, pose, step);
   if (on_decks_.empty() && now_.soil != nullptr && now_.soil->is_under(pose.at, now_.time)) {
     SoilPart& pressing = slot.on_soil[slot.part_number(*part.getCollisionShape())];
-    now_.soil->touch(*shape, pose, on_soil(now_, attached_, slot, step), before_, pressing, contacts_, rows_);
+    now_.soil->touch(*shape, pose, on_soil(now_, attached_, slot, step, step), before_, pressing, contacts_, rows_);
   } else {
     touch_ground(slot, *shape, pose, approach, pull);
   }

@@ -52,10 +52,11 @@ Shape pressing_shape(const Convex& convex) {
 MovingSolid SoilInStep::moving(const SoilPart& part, const Pose& pose, const OnSoil& on) const {
   MovingSolid found;
   found.solid.shape = &part.shape;
-  found.solid.centre = pose.at - Vec3{0.0, 0.0, on.soil.rise};
-  found.solid.axes = transpose(pose.rotation);
-  found.linear = on.approach.velocity_at(pose.at);
-  found.angular = on.approach.angular;
+  const Pose seen = seen_from(on.soil.since, pose);
+  found.solid.centre = seen.at;
+  found.solid.axes = transpose(seen.rotation);
+  found.linear = transposed(on.soil.since.rotation, on.approach.velocity_at(pose.at));
+  found.angular = transposed(on.soil.since.rotation, on.approach.angular);
   if (norm2(on.belt) > 0.0) found.surface = -surface_velocity(on.belt, {0.0, 0.0, 1.0});
   return found;
 }
@@ -66,19 +67,42 @@ bool SoilInStep::is_under(const Vec3& point, double time) const {
   return at.row >= 0.0 && at.column >= 0.0 && at.row <= map.rows - 1 && at.column <= map.columns - 1;
 }
 
-SoilMotion SoilInStep::motion_at(const Vec3& point, double time, double ahead) const {
+// Ground whose samples rise unequally tilts: that is a rotation of its normal, not of its samples.
+SoilMotion SoilInStep::motion_around(const Vec3& point, double radius, double time, double ahead) const {
+  SoilMotion found;
   const HeightGrid& map = lattice.map();
-  if (!map.moves(time)) return {};
+  if (!map.moves(time)) return found;
   const GridPose pose = map.pose_at(time);
   const GridPoint at = to_grid(pose, map.resolution, point.x, point.y);
   const int row = static_cast<int>(std::lround(at.row)), column = static_cast<int>(std::lround(at.column));
-  if (!map.has(row, column)) return {};
-  const Sample sample = GridReader(map, time, ahead).read(row, column);
-  const double rise = sample.height - map.z - map.heights[map.index(row, column)];
-  if (!std::isfinite(rise)) return {};
-  if (!(ahead > 0.0)) return {rise, {}};
-  const Vec3 slide = pose.slide(point.x, point.y);
-  return {rise, {slide.x, slide.y, sample.rise / ahead}};
+  if (!map.has(row, column)) return found;
+  GridReader reader(map, time, ahead);
+  // Heights of a sample: in the last map, now, and after the time ahead.
+  const auto heights_of = [&](int r, int c) {
+    const Sample sample = reader.read(r, c);
+    return Vec3{map.z + map.heights[map.index(r, c)], sample.height, sample.height + sample.rise};
+  };
+  Vec3 heights = heights_of(row, column);
+  if (!std::isfinite(norm2(heights))) return found;
+  const int away = std::max(1, static_cast<int>(std::lround(radius / map.resolution)));
+  const int top = std::max(0, row - away), bottom = std::min(map.rows - 1, row + away);
+  const int left = std::max(0, column - away), right = std::min(map.columns - 1, column + away);
+  Vec3 along = (heights_of(row, right) - heights_of(row, left)) * (1.0 / ((right - left) * map.resolution));
+  Vec3 across = (heights_of(bottom, column) - heights_of(top, column)) * (1.0 / ((bottom - top) * map.resolution));
+  if (!std::isfinite(norm2(along))) along = {};
+  if (!std::isfinite(norm2(across))) across = {};
+  heights = heights + (along * (at.column - column) + across * (at.row - row)) * map.resolution;
+  const auto normal = [&](double x, double y) {
+    return unit({pose.sin * y - pose.cos * x, -pose.sin * x - pose.cos * y, 1.0});
+  };
+  const Vec3 before = normal(along.x, across.x), now = normal(along.y, across.y), then = normal(along.z, across.z);
+  found.middle = {point.x, point.y, heights.y};
+  const Vec3 slide = pose.mean_slide(point.x, point.y, ahead), tilt = cross(now, then) * (1.0 / ahead);
+  found.velocity = {slide.x, slide.y, (heights.z - heights.y) / ahead};
+  found.angular = {tilt.x, tilt.y, tilt.z + pose.spin};
+  found.since.rotation = rotation_between(before, now);
+  found.since.at = found.middle - found.since.rotation * Vec3{point.x, point.y, heights.x};
+  return found;
 }
 
 void SoilInStep::touch(const Convex& convex, const Pose& pose, const OnSoil& on, const std::vector<OldContact>& before,
@@ -88,9 +112,10 @@ void SoilInStep::touch(const Convex& convex, const Pose& pose, const OnSoil& on,
   part.pose = seen_from(on.pose, now);
   const MovingSolid solid = moving(part, now, on);
   const double dt = on.approach.duration;
-  const SoilStep step{on.time, dt, step_};
-  Carried carried{on.mass, on.mass * norm(on.approach.gravity), false};
   const bool was_moved = part.step == 0 || !(norm(now.at - part.at) < MOVED);
+  const bool slept = !was_moved && !was_near(part);
+  const SoilStep step{on.time, dt, step_, slept ? 0 : step_ - 1};
+  Carried carried{on.mass, on.mass * norm(on.approach.gravity), false};
   if (was_moved) {
     under_.make_room(lattice, solid, step), part.rim.reset();
     part.is_set_down = norm(solid.linear) < FALLEN;
@@ -106,15 +131,15 @@ void SoilInStep::touch(const Convex& convex, const Pose& pose, const OnSoil& on,
   for (const SoilSpring& spring : springs) {
     // v + J / (slope dt) = speed + force / slope, with the impulse J and the speed v at the end of the step.
     const double speed = spring.speed + spring.force / spring.slope;
-    Contact contact{spring.point, spring.normal, std::max(0.0, -speed * dt), static_cast<int>(contacts.size()), 0};
-    contact.point.z += on.soil.rise;
-    contact.ground.velocity = on.soil.velocity;
+    Contact contact{on.soil.since.to_world(spring.point), on.soil.since.rotation * spring.normal,
+                    std::max(0.0, -speed * dt), static_cast<int>(contacts.size()), 0};
+    contact.ground = {on.soil.velocity_at(contact.point), on.soil.angular};
     ContactRow row;
     row.at = contact.point, row.normal = contact.normal;
-    row.speed = speed + dot(spring.normal, contact.ground.velocity);
+    row.speed = speed + dot(contact.normal, contact.ground.velocity);
     row.softness = 1.0 / (spring.slope * dt);
     row.slide = contact.ground.velocity;
-    if (norm2(on.belt) > 0.0) row.slide = row.slide + surface_velocity(on.belt, spring.normal);
+    if (norm2(on.belt) > 0.0) row.slide = row.slide + surface_velocity(on.belt, contact.normal);
     row.friction.sliding = spring.friction;
     contacts.push_back(contact), rows.push_back(row), part.up.push_back(spring.normal.z);
   }
@@ -129,7 +154,7 @@ void SoilInStep::press(const OnSoil& on, SoilParts& parts) {
       continue;
     }
     const Pose now = on.pose * part.pose;
-    const SoilStep step{on.time, on.approach.duration, step_};
+    const SoilStep step{on.time, on.approach.duration, step_, step_ - 1};
     const MovingSolid solid = moving(part, now, on);
     part.sums = under_.press(lattice, solid, part.rim, step);
     part.at = now.at;

@@ -28,14 +28,18 @@ struct SoilPart {
 // By their number among the convex parts of the body's shape.
 using SoilParts = std::map<int, SoilPart>;
 
-// How the soil at a place moves with its map: `rise` [m] since the last map, and velocity [m/s].
+// How the soil near a body moves with its map. `since`: takes a point of the ground from its place in the last map to
+// that now. `middle`: a point of the ground [m], and its velocity [m/s]; `angular` [rad/s]: with which the ground turns
+// and tilts about it.
 struct SoilMotion {
-  double rise = 0.0;
-  Vec3 velocity;
+  Pose since{{{{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}}}, {}};
+  Vec3 middle, velocity, angular;
+
+  Vec3 velocity_at(const Vec3& p) const { return velocity + cross(angular, p - middle); }
 };
 
 // A body near the soil at the start or the end of a step. `approach`: its motion relative to the soil, whose margin
-// does not count. `mass` [kg]: of what rests on each part of it alone. `soil`: motion of the soil under its middle.
+// does not count. `mass` [kg]: of what rests on each part of it alone. `soil`: motion of the soil under it.
 // `belt`: as in BodySurface. `time` [s]: of the step.
 struct OnSoil {
   Pose pose;
@@ -52,9 +56,9 @@ class SoilInStep {
   SoilLattice lattice;
 
   bool is_under(const Vec3& point, double time) const;
-  // Returns the motion of the soil near a point, with its mean velocity over the time `ahead` [s]; zero = it counts as
-  // still.
-  SoilMotion motion_at(const Vec3& point, double time, double ahead) const;
+  // Returns the motion of the soil within a `radius` [m] of a point, with mean velocities over the time `ahead` [s], or
+  // before if that is negative.
+  SoilMotion motion_around(const Vec3& point, double radius, double time, double ahead) const;
   // Finds the contacts of a part of a body, a convex shape at `pose`, with the soil. `before`: those of the last step.
   void touch(const Convex& convex, const Pose& pose, const OnSoil& on, const std::vector<OldContact>& before,
              SoilPart& part, std::vector<Contact>& contacts, std::vector<ContactRow>& rows);

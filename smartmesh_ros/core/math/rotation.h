@@ -29,6 +29,13 @@ inline Mat3 axes_of(const Quaternion& q) {
   return {{rotated(q, {1.0, 0.0, 0.0}), rotated(q, {0.0, 1.0, 0.0}), rotated(q, {0.0, 0.0, 1.0})}};
 }
 
+// Returns the smallest rotation of a unit vector to another, which is not opposite.
+inline Mat3 rotation_between(const Vec3& from, const Vec3& to) {
+  const Vec3 axis = cross(from, to);
+  const double w = 1.0 + dot(from, to), length = std::sqrt(norm2(axis) + w * w);
+  return transpose(axes_of({axis.x / length, axis.y / length, axis.z / length, w / length}));
+}
+
 // Orientations of what is along z, laid along x, y and z.
 constexpr Quaternion FROM_Z[3] = {{0.5, 0.5, 0.5, 0.5}, {-0.5, -0.5, -0.5, 0.5}, {0.0, 0.0, 0.0, 1.0}};
 

@@ -19,6 +19,8 @@ constexpr double LOAD_ERROR = 1e-6;
 constexpr double LEAST_SHARE = 0.05;
 // Depth from which a body that appears in the soil has been put there [m].
 constexpr double PUT_IN = 1e-3;
+// Distance from the soil up to which a part holds its print there [m]: it may be unloaded for a moment.
+constexpr double HELD = 1e-3;
 // By how much soil may be higher than the mean around it, which the map shows [m].
 constexpr double HIGHER = 0.01;
 
@@ -51,7 +53,7 @@ void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, double s
   if (under.empty()) return;
   const double spacing = soil.spacing();
   const auto [top, left, bottom, right] = under;
-  soil.renew(top, left, bottom, right, step.number - 1);
+  soil.renew(top, left, bottom, right, step.last);
   soils_.clear();
   for (int kind = 0; kind < soil.soil_count(); ++kind) {
     soils_.push_back(under_load(soil.soil(kind), contact_width(placed.shape), step.dt));
@@ -74,7 +76,7 @@ void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, double s
       // Left out are holes, and soil that has sunk too far to carry, unless the middles of quarters count it.
       if (!(placed.z + low - deepest < sample.level - (is_rolling ? sample.yield.plastic : 0.0))) continue;
       const LoadedSoil& own = soils_[soil.kind(r, c)];
-      const double loaded = sample.step == step.number - 1 ? sample.pressure : 0.0;
+      const double loaded = sample.step >= step.last ? sample.pressure : 0.0;
       under_.push_back({&sample,
                         &own,
                         r,
@@ -245,16 +247,16 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
 
 SoilSums SoilUnderBody::press(SoilLattice& soil, const MovingSolid& moving, ShearedRim& rim, const SoilStep& step) {
   const PlacedPart placed = place_above(soil, moving.solid, step.time);
-  gather(soil, placed, rim.slip(), 0.0, step);
+  gather(soil, placed, rim.slip(), HELD, step);
   load({under_.data(), under_.data() + under_.size()}, 0.0);
   SoilSums sums;
-  points_ = {{}, {}, soil.spacing()};
+  points_ = {{}, {}, soil.spacing(), placed.to_world({1.0, 0.0, 0.0})};
   for (const Under& under : under_) {
-    if (under.pressure <= 0.0) continue;
     FineSample& sample = *under.sample;
+    sample.pressure = static_cast<float>(under.pressure), sample.step = step.number;
+    if (under.pressure <= 0.0) continue;
     const double sinkage = sample.level - under.low, before = sample.yield.plastic;
     sample.yield = yield_after(sinkage, under.pressure, sample.yield, *under.soil);
-    sample.pressure = static_cast<float>(under.pressure), sample.step = step.number;
     if (sample.yield.plastic > before) soil.note(under.row, under.column);
     if (!(under.area > 0.0)) continue;
     sums.carried += under.area * under.pressure, sums.area += under.area;

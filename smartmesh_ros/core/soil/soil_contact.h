@@ -12,10 +12,11 @@
 
 namespace smartmesh {
 
-// A step of the world. `time` [s]: at its start; `dt` [s]: its duration; `number` of the step, from 1 on.
+// A step of the world. `time` [s]: at its start; `dt` [s]: its duration; `number` of the step, from 1 on, and of the
+// `last` one before it in which the part may have pressed the soil; 0 = any, it slept.
 struct SoilStep {
   double time, dt;
-  std::int32_t number;
+  std::int32_t number, last;
 };
 
 // What a part of a body carries: `mass` [kg], and the `load` that the soil bears of it, downwards [N]. `is_set_down`:

@@ -18,7 +18,7 @@
 namespace smartmesh {
 
 // Soil of a fine sample. `level` [m]: height of the ground as it was never pressed, without the map's z; NaN = hole.
-// `pressure` [Pa]: at the end of the step `step`, 0 = never looked at.
+// `pressure` [Pa]: at the end of the step `step`, the last one in which a body was there, 0 = never looked at.
 struct FineSample {
   double level = 0.0;
   Yield yield{0.0, 0.0};
@@ -63,8 +63,8 @@ class SoilLattice {
   // Takes which soil each sample of the map is. Soil of another kind keeps its sinkage, but has borne nothing yet.
   void set_kinds(const std::uint8_t* kinds);
 
-  // Takes the ground from a row and column to others, all included, for new soil where others changed the map. What a
-  // body pressed at the end of the `last` step keeps its sinkage: it moves with the ground.
+  // Takes the ground from a row and column to others, all included, for new soil where others changed the map. What is
+  // under a body since the `last` step keeps its sinkage: it moves with the ground.
   void renew(int top, int left, int bottom, int right, std::int32_t last);
   // Returns the highest of the map's samples around these, without the map's z [m]; -1e300 = holes alone.
   double highest(int top, int left, int bottom, int right) const;

@@ -58,7 +58,7 @@ void ShearedRim::slide_all(const MovingSolid& moving, const PointsInSoil& points
     normal = normal + points.normals[k];
   }
   normal = unit(normal);
-  const Vec3 u = unit(cross(std::abs(normal.x) < 0.9 ? Vec3{1.0, 0.0, 0.0} : Vec3{0.0, 1.0, 0.0}, normal));
+  const Vec3 u = unit(cross(points.grid, normal));
   slides_[0].around += dot(velocity, u) * dt;
   slides_[0].along += dot(velocity, cross(normal, u)) * dt;
   const bool is_ball = moving.solid.shape->kind == ShapeKind::Ball;

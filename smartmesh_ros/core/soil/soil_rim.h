@@ -15,10 +15,12 @@ struct MovingSolid {
   Vec3 surface;
 };
 
-// Points of a part in the soil, relative to its middle [m], and normals of its surface there, upwards. `spacing` [m].
+// Points of a part in the soil, relative to its middle [m], and normals of its surface there, upwards. `spacing` [m]
+// and direction of the columns of the `grid`, with which the sheared soil turns.
 struct PointsInSoil {
   std::vector<Vec3> offsets, normals;
   double spacing = 0.0;
+  Vec3 grid;
 };
 
 // Shear displacement of the soil along the surface of a part. After Wong and Reece (1967), a place of a wheel's rim
