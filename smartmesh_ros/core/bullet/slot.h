@@ -43,7 +43,7 @@ struct Slot {
   bool used = false, is_robot = false;
   SlotKind kind;
   int body = -1, link = -1;
-  int proxy = -1;                            // -1 = the body is only read
+  int proxy = -1;                            // -1 = the body is only read, or its proxy was removed
   btCollisionObject* object = nullptr;       // found anew in each step; null = it is gone
   btRigidBody* ground = nullptr;             // of the proxy, likewise
   btCollisionShape* shape_before = nullptr;  // of the proxy
@@ -61,6 +61,8 @@ struct Slot {
   std::unordered_map<const btCollisionShape*, KnownPart> parts;
   std::vector<const btCollisionShape*> leaves;  // convex parts of its shape, found when one first touches soil
   SoilParts on_soil;
+
+  bool lost_proxy() const { return shape != nullptr && proxy < 0; }
 };
 
 // What a slot knows of the past beside contacts, as numbers of Python; see Rest and Slot.

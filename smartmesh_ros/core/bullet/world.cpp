@@ -115,10 +115,8 @@ bool BulletWorld::attach(int index, int body, int link, int proxy, const BodySha
 void BulletWorld::detach(int index) {
   find_objects();
   Slot& slot = slots_[index];
-  if (slot.body >= 0)
-    wake_body(slot.body);
-  else
-    --gone_;
+  if (slot.body >= 0) wake_body(slot.body);
+  gone_ -= (slot.body < 0) + slot.lost_proxy();
   if (slot.ground != nullptr) {  // nobody removed it from PyBullet: it stays, where nothing meets it
     slot.ground->setCollisionShape(slot.shape_before);
     const btVector3 away(0, 0, FAR_BELOW);
@@ -140,22 +138,31 @@ void BulletWorld::note_removed(int body) {
   if (body < 0 || body >= static_cast<int>(bodies_.size())) return;
   for (const Role& role : bodies_[body].roles) {
     Slot& slot = slots_[role.slot];
+    ++gone_;
     if (role.is_proxy) {
-      slot.ground = nullptr;
+      slot.ground = nullptr, slot.proxy = -1;
       continue;
     }
     if (slot.rest.asleep) note_awake(slot);
     slot.object = nullptr, slot.body = -1;
-    ++gone_;
   }
   bodies_[body] = {};
 }
 
-std::vector<int> BulletWorld::find_gone() const {
+std::vector<int> BulletWorld::find_gone(bool of_proxies) const {
   std::vector<int> found;
-  for (std::size_t k = 0; gone_ > 0 && k < slots_.size(); ++k)
-    if (slots_[k].used && slots_[k].body < 0) found.push_back(static_cast<int>(k));
+  for (std::size_t k = 0; gone_ > 0 && k < slots_.size(); ++k) {
+    const bool is_gone = slots_[k].body < 0;
+    if (slots_[k].used && (of_proxies ? !is_gone && slots_[k].lost_proxy() : is_gone))
+      found.push_back(static_cast<int>(k));
+  }
   return found;
+}
+
+bool BulletWorld::is_proxy(int body) const {
+  if (body < 0 || body >= static_cast<int>(bodies_.size())) return false;
+  const auto& roles = bodies_[body].roles;
+  return std::any_of(roles.begin(), roles.end(), [](const Role& role) { return role.is_proxy; });
 }
 
 bool BulletWorld::keep_apart(int body) {

@@ -88,13 +88,13 @@ class BulletWorld {
 
   // Finds the objects of all slots; call it before `read`.
   void find_objects();
-  // Notes that PyBullet made or removed a body. What was attached of a removed one is gone for good: PyBullet gives its
-  // number to another.
+  // Notes that PyBullet made or removed a body, whose number another may get: what was attached of it is gone for good.
   void note_added() { objects_known_ = -1; }
   void note_removed(int body);
   bool has_gone() const { return gone_ > 0; }
-  // Returns the slots whose bodies were removed from PyBullet.
-  std::vector<int> find_gone() const;
+  // Returns the slots whose bodies were removed from PyBullet, or whose proxies were and the bodies were not.
+  std::vector<int> find_gone(bool of_proxies) const;
+  bool is_proxy(int body) const;
   // Writes the state of the body in a slot; false if it is gone.
   bool read(int slot, BodyState& state);
 
@@ -279,7 +279,7 @@ class BulletWorld {
   int objects_known_ = -1;           // number of objects when they were found last; -1 = they changed since
   std::vector<int> awake_, asleep_;  // used slots, as of a number of changes
   long listed_at_ = -1;
-  int gone_ = 0;  // number of slots whose bodies were removed
+  int gone_ = 0;  // number of bodies of slots, and of proxies, that were removed
   bool any_raised_ = false;
   long revision_ = -1;                           // of the ground at the last look
   bool ground_stands_ = false;                   // it is that of the last look, and does not move

@@ -139,6 +139,10 @@ struct Ground {
     found->time = start;
     return true;
   }
+  bool is_proxy(int body) const {
+    const HeldWorld found = find_world();
+    return found.world != nullptr && found->is_proxy(body);
+  }
   // Returns the slots of bodies that began to fall, and of those that are lost; see BulletWorld::check_falls.
   auto check_falls(double time, double depth) {
     const Falls found = world()->check_falls(finite(time, "the time"), depth);
@@ -269,10 +273,9 @@ void add_ground(nb::module_& m) {
       .def("find_falling", [](const Ground& g) { return g.world()->find_falling(); })
       .def("last_ground", &Ground::last_ground, "slot"_a)
       .def("find_below", [](const Ground& g) { return g.world()->find_below(); })
-      .def(
-          "find_nowhere", [](const Ground& g, double farthest) { return g.world()->find_nowhere(farthest); },
-          "farthest"_a)
-      .def("find_gone", [](const Ground& g) { return g.world()->find_gone(); })
+      .def("find_nowhere", [](const Ground& g, double farthest) { return g.world()->find_nowhere(farthest); })
+      .def("find_gone", [](const Ground& g, bool of_proxies) { return g.world()->find_gone(of_proxies); })
+      .def("is_proxy", &Ground::is_proxy, "body"_a)
       .def("is_asleep", &Ground::is_asleep, "slot"_a)
       .def("find_asleep", [](const Ground& g) { return g.world()->find_asleep(); })
       .def("drive", &Ground::drive, "slot"_a, "axis"_a, "speed"_a)
