@@ -34,7 +34,7 @@ class PhysicsConfig:
 
     def __post_init__(self) -> None:
         if not 0.0 < as_float(self.rate) < math.inf:
-            raise InputError("parameter", f"physics rate is {self.rate} Hz; it must be greater than zero")
+            raise InputError("parameter", f"physics rate is {self.rate} Hz; it must be finite and greater than zero")
         gravity = tuple(map(as_float, self.gravity)) if isinstance(self.gravity, Iterable) else ()
         if len(gravity) != 3 or not all(map(math.isfinite, gravity)):
             raise InputError("parameter", f"gravity is {self.gravity}; it must be three finite numbers [m/s^2]")
