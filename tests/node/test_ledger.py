@@ -229,6 +229,27 @@ class Silent(Node):
         self.create_service(RemoveBodies, "~/remove_bodies", lambda _, response: response, qos_profile=SERVICES)
 
 
+@pytest.mark.parametrize(
+    ("service", "request_of", "words"),
+    [
+        ("~/remove_bodies", lambda name: RemoveBodies.Request(ids=[name]), "there is no body"),
+        ("~/spawn_bodies", lambda name: SpawnBodies.Request(bodies=[BodySpecification(id=name)] * 2), "is named 2 times"),
+    ],
+)
+def test_the_front_quotes_no_long_name_whole(
+    monkeypatch: pytest.MonkeyPatch, service: str, request_of: Callable[[str], Any], words: str
+) -> None:
+    served: dict[str, tuple[Any, Any]] = {}
+    serve = lambda _, kind, name, act, **__: served.update({name: (kind, act)})  # noqa: E731
+    monkeypatch.setattr(Front, "create_service", serve)
+    with made_with(Front, {"nodes": ["/a"]}):
+        kind, act = served[service]
+        answer = result_of(act(request_of(100_000 * "x"), kind.Response()))
+    [failure] = answer.failures
+    assert words in failure.reason and words in answer.message
+    assert len(failure.id) + len(failure.reason) + len(answer.message) < 4000
+
+
 @pytest.mark.parametrize("killed", [False, True])
 def test_a_node_that_restarts_before_it_counts_as_dead_has_refused_the_calls_of_before(killed: bool) -> None:
     """It answers none of them, also if it has no bodies that it could lose. DDS still lists one that was killed."""
