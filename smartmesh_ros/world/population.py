@@ -9,7 +9,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from smartmesh_ros.errors import InputError, require_body_name
+from smartmesh_ros.errors import InputError, as_float, require_body_name
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.followers import Belt, Follower, Followers
@@ -186,9 +186,9 @@ class Population(Driving):
         self, name: str, state: BodyState | None, on_ground: bool, clearance: float, align: bool
     ) -> BodyState:
         """Return the state for a new body before it is put onto the ground. Raises `InputError`."""
-        if (clearance or align) and not on_ground:
+        if (as_float(clearance) != 0.0 or align) and not on_ground:
             raise InputError("parameter", "clearance and align go with on_ground=True alone")
-        state = state or BodyState()
+        state = BodyState() if state is None else state
         require_possible(name, state)
         if on_ground and self.terrain.empty:
             raise InputError("no_map", NO_TERRAIN)

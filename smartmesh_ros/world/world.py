@@ -172,6 +172,8 @@ class World(SavedWorld):
         """Return the values (n, k) of a scan of the ground around n bodies now, of a robot around the frame of its base
         link. Raises `InputError` if there is no body of one of the names, or if the scan has a delay, for which
         `HeightScanner` keeps earlier scans."""
+        if not isinstance(scan, HeightScan):
+            raise InputError("height_scan", f"the scan is {scan!r}; pass HeightScan(...) or HeightScan.of(layout)")
         if scan.delay:
             raise InputError("height_scan", "World.height_scan scans now; for a delay use a HeightScanner")
         bodies = [self.body(name) for name in ([names] if isinstance(names, str) else names)]

@@ -13,6 +13,7 @@ from pybullet_utils.bullet_client import BulletClient
 from smartmesh_ros import (
     BodyState,
     Box,
+    Deck,
     Ground,
     HeightMap,
     InputError,
@@ -101,6 +102,7 @@ def times() -> Iterator[Callable[[int], Any]]:
         yield lambda c, time=time: Terrain(level()).shift_time(time)
         yield lambda c, time=time: Ground(c, level()).step(time, 1 / 240)
         yield lambda c, time=time: Ground(c, level()).update(time, 1 / 240)
+        yield lambda c, time=time: Ground(c, level()).find_patches(time)
         yield lambda c, time=time: Ground(c, level()).at([[0.0, 0.0]], time)
         yield lambda c, time=time: Ground(c, level()).cast_rays([[0, 0, 1]], [[0, 0, -1]], 3.0, time)
         yield lambda c, time=time: TriangleMesh(np.eye(3), [[0, 1, 2]], time=time)
@@ -121,6 +123,11 @@ def times() -> Iterator[Callable[[int], Any]]:
         (lambda c: Ground(c, level()).attach([0]), "no body [0]"),
         (lambda c: Ground(c, level()).attach(float(ball_in(c))), "no body 0.0"),
         (lambda c: Ground(c, level()).attach(ball_in(c), 5), "no link 5; it has -1 (the base) alone"),
+        (lambda c: Ground(c, level()).attach(ball_in(c), -1.0), "no link -1.0"),
+        (lambda c: Ground(c, level()).attach(ball_in(c), shape="ball"), "pass Sphere, Box, Cylinder or Capsule"),
+        (lambda c: Ground(c, level()).attach(ball_in(c), radius="large"), "radius of the sphere is large m; it must be finite"),
+        *((lambda c, link=link: [g := Ground(c, Terrain()), g.terrain.put("", Deck(level())), g.carry("", ball_in(c), link)],
+           f"no link {link!r}") for link in (-2, 0, "deck")),
         (lambda c: [g := Ground(c, level()), g.attach(g.attach(ball_in(c)).collider)], "is a piece of this ground"),
         (lambda c: HeightMap(np.zeros((5, 5))), "resolution is missing; pass resolution="),
         (lambda c: HeightMap(np.zeros((5, 5)), resolution="fine"), "resolution is 'fine'"),
