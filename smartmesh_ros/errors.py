@@ -71,6 +71,12 @@ def require(good: bool, reason: str, what: str, value: object, wanted: str) -> N
         raise InputError(reason, f"{what} is {value!r}; it must be {wanted}")
 
 
+def require_not_negative(settings: Any, of_what: str) -> None:
+    """Raise `InputError` unless all fields of a dataclass are numbers from zero on."""
+    for name, value in vars(settings).items():
+        require(as_float(value) >= 0.0, "parameter", f"{name} of {of_what}", value, "zero or more")
+
+
 def checked_seed(seed: Any, reason: str, what: str) -> int:
     """Return the seed of random numbers; raises `InputError` if it is no whole number from 0 on."""
     whole = isinstance(seed, Integral) and not isinstance(seed, bool)

@@ -25,7 +25,7 @@ def read_shapes(client: Any, body: int) -> dict[int, BodyShape]:
     return found
 
 
-def require_body(client: Any, body: Any, link: int | None = None) -> None:
+def require_body(client: Any, body: Any, link: Any = None) -> None:
     """Raise `InputError`, which lists what there is, if PyBullet has no such body, or the body no such ``link`` (-1 =
     the base)."""
     try:

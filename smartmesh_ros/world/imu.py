@@ -59,6 +59,8 @@ class ImuConfig:
             else:
                 possible, wanted = _is_between(value, 0.0, LARGEST), f"0 to {LARGEST:g}"
             require(possible, "imu", f"{name} of an IMU", value, wanted)
+            if name.endswith("bias"):
+                object.__setattr__(self, name, tuple(map(float, value)))  # to be compared
 
 
 def _is_between(value: Any, low: float, high: float) -> bool:

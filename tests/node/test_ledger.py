@@ -28,6 +28,7 @@ from smartmesh_ros.world.state_table import StateTable
 from tests.node.shared import made_with, wait_until
 
 NODES = ["a", "b", "c"]
+LONG = 100_000 * "x"
 EVENTS = ["die", "cut", "come", "spawn", "wait"]
 
 
@@ -230,21 +231,21 @@ class Silent(Node):
 
 
 @pytest.mark.parametrize(
-    ("service", "request_of", "words"),
+    ("service", "request", "words"),
     [
-        ("~/remove_bodies", lambda name: RemoveBodies.Request(ids=[name]), "there is no body"),
-        ("~/spawn_bodies", lambda name: SpawnBodies.Request(bodies=[BodySpecification(id=name)] * 2), "is named 2 times"),
+        ("~/remove_bodies", RemoveBodies.Request(ids=[LONG]), "there is no body"),
+        ("~/spawn_bodies", SpawnBodies.Request(bodies=[BodySpecification(id=LONG)] * 2), "is named 2 times"),
     ],
 )
 def test_the_front_quotes_no_long_name_whole(
-    monkeypatch: pytest.MonkeyPatch, service: str, request_of: Callable[[str], Any], words: str
+    monkeypatch: pytest.MonkeyPatch, service: str, request: Any, words: str
 ) -> None:
     served: dict[str, tuple[Any, Any]] = {}
     serve = lambda _, kind, name, act, **__: served.update({name: (kind, act)})  # noqa: E731
     monkeypatch.setattr(Front, "create_service", serve)
     with made_with(Front, {"nodes": ["/a"]}):
         kind, act = served[service]
-        answer = result_of(act(request_of(100_000 * "x"), kind.Response()))
+        answer = result_of(act(request, kind.Response()))
     [failure] = answer.failures
     assert words in failure.reason and words in answer.message
     assert len(failure.id) + len(failure.reason) + len(answer.message) < 4000

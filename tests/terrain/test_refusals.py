@@ -101,12 +101,15 @@ REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
     (Deck, "thickness"): [
         ({"thickness": given}, "zero or more") for given in (-1.0, NAN, "thin", None, [0.1])
     ],
-    (Terrain().put, "name"): [((name, made), "must be a text") for name in (3, None) for made in (flat(), Deck(flat()))],
+    (Terrain().put, "name"): [
+        ((name, made), "must be a text") for name in (3, None) for made in (flat(), Deck(flat()))
+    ],
     (partial(HeightScan().read, flat()), "length"): [
         ((poses, 0.0), "x, y, z and yaw of each") for poses in ([[0, 0, 0]], "here", [["a", "b", "c", "d"]])
     ],
     (partial(Box, 1.0, 1.0, 1.0), "geometry"): [
-        ({"centre": centre}, "three numbers") for centre in ((1.0, 2.0), (), None, "abc", (0.0, 0.0, NAN), (0.0, 0.0, 1e9))
+        ({"centre": centre}, "three numbers")
+        for centre in ((1.0, 2.0), (), None, "abc", (0.0, 0.0, NAN), (0.0, 0.0, 1e9))
     ],
     (mesh, "length"): [
         ((PLACES[:, :2],), "(V, 3)"), ((PLACES, [[0, 1]]), "(T, 3)"), ((PLACES, np.zeros((0, 3), int)), "at least one"),

@@ -22,7 +22,10 @@ from tests.grounds import level, moving, shaped, world_of
         (lambda w: w.spawn("ball", Sphere(0.1), 1.0), "duplicate_id"),
         (lambda w: w.spawn("", Sphere(0.1), 1.0), "empty_id"),
         (lambda w: w.spawn("a/b", Sphere(0.1), 1.0), "empty_id"),
-        *[(partial(World.spawn, name=name, shape=Sphere(0.1), mass=1.0), "empty_id") for name in (" ", "a\nb", "\t", 7)],
+        *(
+            (partial(World.spawn, name=name, shape=Sphere(0.1), mass=1.0), "empty_id")
+            for name in (" ", "a\nb", "\t", 7)
+        ),
         (lambda w: w.track("a\x00b", 0.1, BodyState()), "empty_id"),
         (lambda w: w.height_scan("ball", "isaac_lab"), "height_scan"),
         (lambda w: w.spawn("x", Sphere(0.1), 1.0, np.zeros(3)), "type"),

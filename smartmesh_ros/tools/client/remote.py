@@ -107,7 +107,7 @@ class Remote:
 
     def spin(self, seconds: float) -> None:
         """Handle messages for this long."""
-        runs, before = publishers_on(self.node, f"{self.name}/{STATES}"), self._runs
+        runs, before = self.runs, self._runs
         self._runs = runs
         if before and (runs - before or not runs):
             self._forget()
@@ -126,6 +126,11 @@ class Remote:
     def is_running(self) -> bool:
         """True if the node publishes its body states."""
         return bool(self.node.count_publishers(f"{self.name}/{STATES}"))
+
+    @property
+    def runs(self) -> frozenset[bytes]:
+        """A name of each run of the node that is discovered."""
+        return publishers_on(self.node, f"{self.name}/{STATES}")
 
     @property
     def missing(self) -> str:

@@ -80,7 +80,7 @@ class TerrainSource(ParameterNode):
 
 def map_of(header: Header, geometry: GridGeometry, heights: Any, tile: str = "") -> Heightmap:
     """Return heights (rows, columns) [m] as a message."""
-    grid = {"resolution": geometry.resolution, "origin": geometry.origin, "yaw": geometry.yaw}
+    grid: dict[str, Any] = {"resolution": geometry.resolution, "origin": geometry.origin, "yaw": geometry.yaw}
     return heightmap_message(heights, **grid, frame_id=header.frame_id, stamp=header.stamp, tile=tile)
 
 
