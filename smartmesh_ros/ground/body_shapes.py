@@ -41,7 +41,7 @@ def require_body(client: Any, body: Any, link: Any = None) -> None:
             ) from None  # fmt: skip
         client.getBodyInfo(body)
     count = client.getNumJoints(body)
-    if link is not None and not (isinstance(link, Integral) and -1 <= link < count):
+    if link is not None and (not isinstance(link, Integral) or link not in range(-1, count)):
         links = f"-1 (the base) to {count - 1}" if count else "-1 (the base) alone"
         raise InputError("unknown_body", f"body {body} has no link {link!r}; it has {links}")
 

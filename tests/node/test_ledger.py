@@ -231,21 +231,21 @@ class Silent(Node):
 
 
 @pytest.mark.parametrize(
-    ("service", "request", "words"),
+    ("service", "asked", "words"),
     [
         ("~/remove_bodies", RemoveBodies.Request(ids=[LONG]), "there is no body"),
         ("~/spawn_bodies", SpawnBodies.Request(bodies=[BodySpecification(id=LONG)] * 2), "is named 2 times"),
     ],
 )
 def test_the_front_quotes_no_long_name_whole(
-    monkeypatch: pytest.MonkeyPatch, service: str, request: Any, words: str
+    monkeypatch: pytest.MonkeyPatch, service: str, asked: Any, words: str
 ) -> None:
     served: dict[str, tuple[Any, Any]] = {}
     serve = lambda _, kind, name, act, **__: served.update({name: (kind, act)})  # noqa: E731
     monkeypatch.setattr(Front, "create_service", serve)
     with made_with(Front, {"nodes": ["/a"]}):
         kind, act = served[service]
-        answer = result_of(act(request, kind.Response()))
+        answer = result_of(act(asked, kind.Response()))
     [failure] = answer.failures
     assert words in failure.reason and words in answer.message
     assert len(failure.id) + len(failure.reason) + len(answer.message) < 4000
