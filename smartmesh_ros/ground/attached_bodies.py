@@ -113,7 +113,7 @@ class AttachedBodies:
 
     def is_ground(self, body: int) -> bool:
         """Return True if a PyBullet body stands for the ground, such as the other body of a contact point."""
-        return self.contacts.is_ground(body) or body in self.shown.values()
+        return self.contacts.is_ground(body)
 
     def detach(self, body: int) -> None:
         """Take ``body`` and its links off the ground. A body that is removed from PyBullet is taken off by itself."""

@@ -165,8 +165,8 @@ class MapContacts:
             raise pb.error(f"in a step of PyBullet a body had no contacts with the ground: {fault}")
 
     def is_ground(self, body: int) -> bool:
-        """Return True if a PyBullet body is a proxy."""
-        return bool(self.core.is_proxy(body))
+        """Return True if a PyBullet body stands for the ground: a proxy, or a tile that is drawn."""
+        return bool(self.core.is_ground(body))
 
     def states_of(self, slots: IntArray) -> FloatArray:
         """Return the states (n, 13) of followers, asleep or not, as they are now; NaN for bodies that are gone."""

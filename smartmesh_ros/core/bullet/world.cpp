@@ -159,10 +159,14 @@ std::vector<int> BulletWorld::find_gone(bool of_proxies) const {
   return found;
 }
 
-bool BulletWorld::is_proxy(int body) const {
-  if (body < 0 || body >= static_cast<int>(bodies_.size())) return false;
-  const auto& roles = bodies_[body].roles;
-  return std::any_of(roles.begin(), roles.end(), [](const Role& role) { return role.is_proxy; });
+bool BulletWorld::is_ground(int body) const {
+  if (body < 0) return false;
+  const bool is_known = body < static_cast<int>(bodies_.size());
+  if (is_known && std::any_of(bodies_[body].roles.begin(), bodies_[body].roles.end(),
+                              [](const Role& role) { return role.is_proxy; }))
+    return true;
+  const btCollisionObject* object = drawn ? find(body, -1) : nullptr;
+  return object != nullptr && is_untouchable(*object);
 }
 
 bool BulletWorld::keep_apart(int body) {

@@ -94,7 +94,7 @@ class BulletWorld {
   bool has_gone() const { return gone_ > 0; }
   // Returns the slots whose bodies were removed from PyBullet, or whose proxies were and the bodies were not.
   std::vector<int> find_gone(bool of_proxies) const;
-  bool is_proxy(int body) const;
+  bool is_ground(int body) const;  // a proxy, or one that is drawn and that nothing touches
   // Writes the state of the body in a slot; false if it is gone.
   bool read(int slot, BodyState& state);
 

@@ -139,9 +139,9 @@ struct Ground {
     found->time = start;
     return true;
   }
-  bool is_proxy(int body) const {
+  bool is_ground(int body) const {
     const HeldWorld found = find_world();
-    return found.world != nullptr && found->is_proxy(body);
+    return found.world != nullptr && found->is_ground(body);
   }
   // Returns the slots of bodies that began to fall, and of those that are lost; see BulletWorld::check_falls.
   auto check_falls(double time, double depth) {
@@ -275,7 +275,7 @@ void add_ground(nb::module_& m) {
       .def("find_below", [](const Ground& g) { return g.world()->find_below(); })
       .def("find_nowhere", [](const Ground& g, double farthest) { return g.world()->find_nowhere(farthest); })
       .def("find_gone", [](const Ground& g, bool of_proxies) { return g.world()->find_gone(of_proxies); })
-      .def("is_proxy", &Ground::is_proxy, "body"_a)
+      .def("is_ground", &Ground::is_ground, "body"_a)
       .def("is_asleep", &Ground::is_asleep, "slot"_a)
       .def("find_asleep", [](const Ground& g) { return g.world()->find_asleep(); })
       .def("drive", &Ground::drive, "slot"_a, "axis"_a, "speed"_a)
