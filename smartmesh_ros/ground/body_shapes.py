@@ -53,6 +53,8 @@ def shapes_of(
     ``shape``, or a ball of the given ``radius`` [m], if there is one. Raises `InputError` if a shape has no size, and
     names the links that have a shape."""
     if radius is not None:
+        if shape is not None:
+            raise InputError("shape", f"body {body} is given a shape and a radius; give either")
         shape = Sphere(radius)
     given = shape.body_shape if isinstance(shape, Solid) else shape
     if not (given is None or isinstance(given, BodyShape)):

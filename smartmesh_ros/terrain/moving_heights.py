@@ -57,6 +57,8 @@ class MovingHeights(LaidGround, MovingGround):
             geometry = geometry_of(heights.shape, resolution, origin, yaw)
         elif not isinstance(geometry, GridGeometry):
             raise InputError("geometry", f"the geometry is {geometry!r}; pass GridGeometry(rows=..., ...)")
+        elif resolution is not None:
+            raise InputError("geometry", "the resolution is given twice, by itself and in the geometry; give it once")
         time = checked_time(time)
         self.geometry = geometry
         self._motion = checked_motion(motion)

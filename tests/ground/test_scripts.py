@@ -126,6 +126,10 @@ def times() -> Iterator[Callable[[int], Any]]:
         (lambda c: Ground(c, level()).attach(float(ball_in(c))), "no body 0.0"),
         (lambda c: Ground(c, level()).attach(ball_in(c), 5), "no link 5; it has -1 (the base) alone"),
         (lambda c: Ground(c, level()).attach(ball_in(c), -1.0), "no link -1.0"),
+        (
+            lambda c: Ground(c, level()).attach(ball_in(c), shape=Sphere(0.2), radius=0.2),
+            "a shape and a radius; give eit",
+        ),
         (lambda c: Ground(c, level()).attach(ball_in(c), shape="ball"), "pass Sphere, Box, Cylinder or Capsule"),
         (
             lambda c: Ground(c, level()).attach(ball_in(c), radius="large"),

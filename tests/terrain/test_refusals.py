@@ -79,7 +79,10 @@ REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
     (geometry, "size"): [
         ({"rows": count, "columns": count}, "too many") for count in (2**20, np.int32(2**16), np.uint16(65535))
     ],
-    (flat, "geometry"): [({"resolution": None, "geometry": (9, 12)}, "pass GridGeometry(rows=..., ...)")],
+    (flat, "geometry"): [
+        ({"resolution": None, "geometry": (9, 12)}, "pass GridGeometry(rows=..., ...)"),
+        ({"geometry": GridGeometry(rows=9, columns=12, resolution=0.2)}, "resolution is given twice"),
+    ],
     (checked_points, "length"): [(([[0.0]],), "(N, 2)"), (([0.0, 0.0],), "(N, 2)"), (([["a", "b"]],), "real numbers")],
     (checked_points, "non_finite"): [
         (([[NAN, 0.0]],), "finite"), (([[0.0, INF]],), "finite"),
