@@ -188,7 +188,8 @@ class MovingHeights(LaidGround, MovingGround):
         of the material there that are given.
 
         The cost depends on the size of the rectangle, not of the map. Other samples of the blocks that the rectangle
-        touches count as at rest. Raises `InputError` and then changes nothing.
+        touches count as at rest, but for parts of one map, of the same time. Raises `InputError` and then changes
+        nothing.
         """
         time, heights = checked_next_time(time, self.time), unmasked(heights, "heights of the region")
         shape = heights.shape
