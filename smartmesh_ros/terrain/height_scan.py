@@ -146,6 +146,11 @@ class HeightScan:
         return random.uniform(-self.noise, self.noise, shape)
 
 
+def require_scan(scan: Any) -> None:
+    """Raise `InputError` unless something is the settings of a height scan."""
+    require(isinstance(scan, HeightScan), "height_scan", "the scan", scan, "HeightScan(...) or HeightScan.of(layout)")
+
+
 def yaws_of(orientations: ArrayLike) -> FloatArray:
     """Return the turns about z (n,) [rad] of unit quaternions (n, 4) (x, y, z, w): the directions of the x axes seen
     from above, as ``yaw_quat`` of Isaac Lab."""

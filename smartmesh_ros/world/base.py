@@ -71,6 +71,7 @@ class Base:
     _velocity: tuple[float, float]  # measured [m/s, rad/s]
 
     def __init__(self, world: World, name: str, config: BaseConfig) -> None:
+        require(isinstance(config, BaseConfig), "base", "the config of a base", config, "BaseConfig(...)")
         self.name, self.config = name, config
         self._world = world
         self._body: Body | None = None  # that `_geometry` is of

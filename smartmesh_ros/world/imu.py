@@ -97,7 +97,9 @@ class Imu:
     _before: BodyState | None  # before the step
 
     def __init__(self, world: World, name: str, link: str = "", config: ImuConfig | None = None) -> None:
-        self.name, self.link, self.config = name, link, config or ImuConfig()
+        config = ImuConfig() if config is None else config
+        require(isinstance(config, ImuConfig), "imu", "the config of an IMU", config, "ImuConfig(...)")
+        self.name, self.link, self.config = name, link, config
         self._world = world
         self._body: Body | None = None  # that is measured
         self._link: int | None = None  # its link in PyBullet, -1 = the root, None = there is none

@@ -10,7 +10,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, InputError, PhysicsConfig, Sphere, World, WorldConfig
+from smartmesh_ros import (
+    Base,
+    BodyState,
+    Box,
+    HeightScanner,
+    Imu,
+    InputError,
+    PhysicsConfig,
+    Sphere,
+    World,
+    WorldConfig,
+)
 from smartmesh_ros.node.inputs.tracking import Tracking
 from tests import urdfs
 from tests.grounds import level, moving, shaped, world_of
@@ -28,6 +39,9 @@ from tests.grounds import level, moving, shaped, world_of
         ),
         (lambda w: w.track("a\x00b", 0.1, BodyState()), "empty_id"),
         (lambda w: w.height_scan("ball", "isaac_lab"), "height_scan"),
+        (lambda w: HeightScanner(w, "ball", "isaac_lab"), "height_scan"),
+        (lambda w: Imu(w, "ball", config=100.0), "imu"),
+        (lambda w: Base(w, "ball", "husky"), "base"),
         (lambda w: w.spawn("x", Sphere(0.1), 1.0, np.zeros(3)), "type"),
         (lambda w: w.spawn("x", Sphere(0.1), 1.0, align=True), "parameter"),
         (lambda w: w.spawn_robot("x", urdfs.HUSKY, clearance=0.1), "parameter"),
