@@ -59,10 +59,22 @@ def naming(what: str) -> Iterator[None]:
         raise InputError(error.reason, f"{what}: {error}") from None
 
 
+def require_body_name(name: Any) -> None:
+    """Raise `InputError` unless a name can be that of a body, in topics and tables, too."""
+    if not (isinstance(name, str) and name.isprintable() and name.strip() and "/" not in name):
+        raise InputError("empty_id", f"{name!r} cannot name a body; a name is printable text, not blank, without '/'")
+
+
 def require(good: bool, reason: str, what: str, value: object, wanted: str) -> None:
     """Raise `InputError` unless a ``value`` is ``good``; ``what``: the setting, ``wanted``: what it must be."""
     if not good:
         raise InputError(reason, f"{what} is {value!r}; it must be {wanted}")
+
+
+def require_not_negative(settings: Any, of_what: str) -> None:
+    """Raise `InputError` unless all fields of a dataclass are numbers from zero on."""
+    for name, value in vars(settings).items():
+        require(as_float(value) >= 0.0, "parameter", f"{name} of {of_what}", value, "zero or more")
 
 
 def checked_seed(seed: Any, reason: str, what: str) -> int:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.core.body_shape import BodyShape
-from smartmesh_ros.errors import InputError, as_float
+from smartmesh_ros.errors import InputError, as_float, listed
 from smartmesh_ros.ground.body_shapes import require_body, shapes_of
 from smartmesh_ros.ground.bullet import BulletCalls, NoClient, connected_client, undone
 from smartmesh_ros.ground.config import SleepConfig, time_step_of
@@ -113,16 +113,23 @@ class AttachedBodies:
 
     def is_ground(self, body: int) -> bool:
         """Return True if a PyBullet body stands for the ground, such as the other body of a contact point."""
-        return self.contacts.is_ground(body) or body in self.shown.values()
+        return self.contacts.is_ground(body)
 
     def detach(self, body: int) -> None:
         """Take ``body`` and its links off the ground. A body that is removed from PyBullet is taken off by itself."""
         self._take_off(list(self.followers.of(body)))
 
     def _drop_gone(self) -> None:
-        """Take off what was removed from PyBullet, whose number another body may have by now."""
-        if gone := self.contacts.core.find_gone():
+        """Take off what was removed from PyBullet, whose number another body may have by now. Pieces of the ground that
+        were removed are put back."""
+        contacts = self.contacts
+        if gone := contacts.core.find_gone(False):
             self._take_off(gone)
+        if bare := contacts.core.find_gone(True):
+            bodies = listed(sorted({str(self.followers[slot].body) for slot in bare}))
+            log.warning("the ground under body %s was removed from PyBullet, and is put back; see detach", bodies)
+            contacts.detach(bare)
+            contacts.attach_again(bare)
 
     def _take_off(self, slots: list[int]) -> None:
         """Detach all of these followers, or none if PyBullet fails."""

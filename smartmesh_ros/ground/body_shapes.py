@@ -12,7 +12,7 @@ from smartmesh_ros.core import CORE
 from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.errors import InputError, listed
 from smartmesh_ros.ground.layout_probe import number_of
-from smartmesh_ros.ground.shapes import Solid
+from smartmesh_ros.ground.shapes import Solid, Sphere
 
 
 def read_shapes(client: Any, body: int) -> dict[int, BodyShape]:
@@ -25,7 +25,7 @@ def read_shapes(client: Any, body: int) -> dict[int, BodyShape]:
     return found
 
 
-def require_body(client: Any, body: Any, link: int | None = None) -> None:
+def require_body(client: Any, body: Any, link: Any = None) -> None:
     """Raise `InputError`, which lists what there is, if PyBullet has no such body, or the body no such ``link`` (-1 =
     the base)."""
     try:
@@ -40,7 +40,8 @@ def require_body(client: Any, body: Any, link: int | None = None) -> None:
                 f"returned: {there}"
             ) from None  # fmt: skip
         client.getBodyInfo(body)
-    if link is not None and link not in range(-1, count := client.getNumJoints(body)):
+    count = client.getNumJoints(body)
+    if link is not None and (not isinstance(link, Integral) or link not in range(-1, count)):
         links = f"-1 (the base) to {count - 1}" if count else "-1 (the base) alone"
         raise InputError("unknown_body", f"body {body} has no link {link!r}; it has {links}")
 
@@ -51,7 +52,13 @@ def shapes_of(
     """Return the shapes of all links of a body that have one, or of one ``link``. The base's or link's is the given
     ``shape``, or a ball of the given ``radius`` [m], if there is one. Raises `InputError` if a shape has no size, and
     names the links that have a shape."""
-    given = BodyShape.ball(radius) if radius is not None else shape.body_shape if isinstance(shape, Solid) else shape
+    if radius is not None:
+        if shape is not None:
+            raise InputError("shape", f"body {body} is given a shape and a radius; give either")
+        shape = Sphere(radius)
+    given = shape.body_shape if isinstance(shape, Solid) else shape
+    if not (given is None or isinstance(given, BodyShape)):
+        raise InputError("shape", f"the shape of body {body} is {shape!r}; pass Sphere, Box, Cylinder or Capsule")
     found = read_shapes(client, body) if given is None else {-1 if link is None else link: given}
     if not found:
         raise InputError("geometry", f"body {body} has no collision shape, so nothing of it could touch the ground")

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from smartmesh_ros.errors import InputError, as_float
+from smartmesh_ros.errors import InputError, as_float, require_not_negative
 from smartmesh_ros.ground.state import Vector
 
 
@@ -34,7 +34,7 @@ class PhysicsConfig:
 
     def __post_init__(self) -> None:
         if not 0.0 < as_float(self.rate) < math.inf:
-            raise InputError("parameter", f"physics rate is {self.rate} Hz; it must be greater than zero")
+            raise InputError("parameter", f"physics rate is {self.rate} Hz; it must be finite and greater than zero")
         gravity = tuple(map(as_float, self.gravity)) if isinstance(self.gravity, Iterable) else ()
         if len(gravity) != 3 or not all(map(math.isfinite, gravity)):
             raise InputError("parameter", f"gravity is {self.gravity}; it must be three finite numbers [m/s^2]")
@@ -74,6 +74,9 @@ class SleepConfig:
     ground: float = 2.5e-4
     noise: float = 3.0
     most: float = 5e-3
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "sleep")
 
 
 # Motion at which PyBullet drops a cached contact point [body sizes]: its default. Contacts from the map are found anew

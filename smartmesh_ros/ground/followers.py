@@ -164,11 +164,6 @@ class Followers:
         return next((self[slot] for slot in self.of(body) if self[slot].link == link), None)
 
     @property
-    def solid(self) -> IntArray:
-        """Slots of the followers that collide with the ground."""
-        return np.flatnonzero(self.table["solid"])
-
-    @property
     def tracked(self) -> IntArray:
         """Slots of the followers without colliders."""
         return np.flatnonzero(self.table["alive"] & ~self.table["solid"])

@@ -41,7 +41,7 @@ class Ground(SavedBodies):
 
     def step(self, time: float, dt: float) -> None:
         """Run one ``stepSimulation`` of ``dt`` [s] from ``time`` [s] on. Raises `InputError` if PyBullet has another
-        time step.
+        time step. One that was set since the last step is seen only after this one: to ask PyBullet takes 2.5 us.
 
         A ``stepSimulation`` of your own does the same, from where the last step ended: bodies move with corrections of
         maps and are lifted out of ground that covers them, sleeping ones wake, bodies at rest fall asleep. What is
@@ -75,7 +75,7 @@ class Ground(SavedBodies):
         slots = np.flatnonzero(self.followers.table["alive"])
         states = np.full((self.followers.capacity, BODY_COLUMNS), np.nan)
         states[slots] = self.contacts.states_of(slots)
-        self.patches.find(states, time)
+        self.patches.find(states, checked_time(time))
         return self.patches
 
     def carry(
@@ -95,7 +95,7 @@ class Ground(SavedBodies):
         """
         it = self.terrain.deck(deck)
         if body is not None:
-            require_body(self._client, body, None if link < 0 else link)
+            require_body(self._client, body, link)
         it.ride(-1 if body is None else body, link, position, orientation)
 
     def at(self, points_w: ArrayLike, time: float) -> GroundSamples:

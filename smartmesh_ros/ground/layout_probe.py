@@ -82,7 +82,7 @@ def _reads_settings(client: Any, core: Any) -> bool:
     names = ("fixedTimeStep", "contactERP", "frictionERP", "contactSlop")
     client.setPhysicsEngineParameter(**dict(zip(names, SETTINGS[3:], strict=True)))
     client.stepSimulation()
-    return _same(core.settings(), SETTINGS)
+    return _same(CORE.solver_settings(core.number), SETTINGS)
 
 
 def _writes_contacts(client: Any, core: Any) -> bool:
@@ -94,7 +94,7 @@ def _writes_contacts(client: Any, core: Any) -> bool:
     slides = _drop(client, core, 3, (0.2, -0.1, RADIUS - DEPTH), (1.0, 0.0, 0.0))
     bounces = _drop(client, core, 4, (-0.9, 0.7, RADIUS - DEPTH), (0.0, 0.0, -2.0))
     client.stepSimulation()
-    points, written, dt = client.getContactPoints(slides), core.contacts_of(3), SETTINGS[3]
+    points, written, dt = client.getContactPoints(slides), CORE.contacts_of(core.number, 3), SETTINGS[3]
     if len(points) != 1 or len(written) != 1:
         return False
     _, _, _, _, _, _, on_ground, normal, distance, force, along, way, across, other_way = points[0]

@@ -37,6 +37,6 @@ def require_between(what: str, value: float, bounds: tuple[float, float], unit: 
     """Raise `InputError` if a value is not finite or not within its bounds."""
     low, high = bounds
     if not (math.isfinite(as_float(value)) and value > 0.0):
-        raise InputError("geometry", f"{what} is {value} {unit}; it must be greater than zero")
+        raise InputError("geometry", f"{what} is {value} {unit}; it must be finite and greater than zero")
     if not low <= value <= high:
         raise InputError("geometry", f"{what} is {value} {unit}; it must be {low:g} to {high:g}")

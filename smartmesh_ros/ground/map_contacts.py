@@ -60,8 +60,6 @@ class MapContacts:
         self._followers = followers
         self.core = ground_in(client)
         self.core.set_tiles(terrain.core)
-        self._uids: dict[int, int] = {}  # of the proxies, by slot
-        self._proxies: set[int] = set()  # the same numbers
         self._shape: int | None = None
         self._visual: int | None = None
 
@@ -75,8 +73,7 @@ class MapContacts:
                 self._client.removeBody(proxy)
             raise InputError("geometry", f"body {follower.body} cannot stand on the ground: {error}") from None
         if follower.solid:
-            self._uids[follower.slot] = follower.collider = proxy
-            self._proxies.add(proxy)
+            follower.collider = proxy
         self.note_kind(follower.slot)
         if follower.belt.speed:
             self.drive(follower)
@@ -84,15 +81,20 @@ class MapContacts:
     def detach(self, slots: list[int]) -> None:
         """Remove the proxies of followers: all, or none if PyBullet fails."""
         gone: list[int] = []
-        with undone(lambda: self._attach_again(gone)):
+        with undone(lambda: self.attach_again(gone)):
             for slot in slots:
+                follower = self._followers[slot]
                 if self.core.is_there:
-                    if slot in self._uids:
-                        self._client.removeBody(self._uids[slot])
+                    if follower.collider is not None and self.is_ground(follower.collider):
+                        self._client.removeBody(follower.collider)
                     self.core.detach(slot)
-                self._proxies.discard(self._uids.pop(slot, -1))
-                self._followers[slot].collider = None
+                follower.collider = None
                 gone.append(slot)
+
+    def attach_again(self, slots: list[int]) -> None:
+        """Give detached followers new proxies."""
+        for slot in slots:
+            self.attach(self._followers[slot])
 
     def note_kind(self, slot: int) -> None:
         """Tell the core who moves a follower."""
@@ -100,15 +102,15 @@ class MapContacts:
         self.core.set_kind(slot, bool(it["solid"]), bool(it["own"]), bool(it["remote"]))
 
     def begin(self, time: float, dt: float) -> bool:
-        """Set the time [s] at the start of the next step of ``dt`` [s]; returns True if bodies were removed from
-        PyBullet. Raises `InputError` if the client was reset or closed, or does not step ``dt``, and PyBullet's error
-        if a step failed in the core."""
+        """Set the time [s] at the start of the next step of ``dt`` [s]; returns True if bodies may have been removed
+        from PyBullet. Raises `InputError` if the client was reset or closed, or does not step ``dt``, and PyBullet's
+        error if a step failed in the core."""
         if self.core.begin(time, as_float(dt)):
             return False
         self.require_client()
         require_time_step(self._client, dt)
         self.core.time, self.core.duration = time, dt
-        return bool(self.core.find_gone())
+        return True
 
     def let_sleep(self, config: SleepConfig | None) -> None:
         """Wake all bodies; let those that are still sleep from now on, None = none."""
@@ -163,8 +165,8 @@ class MapContacts:
             raise pb.error(f"in a step of PyBullet a body had no contacts with the ground: {fault}")
 
     def is_ground(self, body: int) -> bool:
-        """Return True if a PyBullet body is a proxy."""
-        return body in self._proxies
+        """Return True if a PyBullet body stands for the ground: a proxy, or a tile that is drawn."""
+        return bool(self.core.is_ground(body))
 
     def states_of(self, slots: IntArray) -> FloatArray:
         """Return the states (n, 13) of followers, asleep or not, as they are now; NaN for bodies that are gone."""
@@ -173,13 +175,8 @@ class MapContacts:
         return np.asarray(states[slots])
 
     def close(self) -> None:
-        """Remove all proxies."""
-        self.detach(list(self._uids))
+        """Leave the client, from which all followers are detached."""
         self.core.release()
-
-    def _attach_again(self, slots: list[int]) -> None:
-        for slot in slots:
-            self.attach(self._followers[slot])
 
     def _new_body(self) -> int:
         """Create the PyBullet body of a proxy, whose shape the core replaces."""

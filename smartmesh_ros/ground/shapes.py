@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
 from typing import Any, ClassVar, get_args
@@ -12,7 +12,7 @@ import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.core.body_shape import BodyShape
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, as_float, require
 from smartmesh_ros.ground.limits import SIZES, require_between
 from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.terrain.grid import FloatArray
@@ -92,9 +92,10 @@ class Box(_Shape):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not all(abs(value) <= SIZES[1] for value in self.centre):
-            raise InputError("geometry", f"centre of the box is {self.centre} m; at most {SIZES[1]:g} is possible")
-        object.__setattr__(self, "centre", tuple(self.centre))
+        centre = tuple(map(as_float, self.centre)) if isinstance(self.centre, Iterable) else ()
+        good = len(centre) == 3 and all(abs(value) <= SIZES[1] for value in centre)  # False for NaN, too
+        require(good, "geometry", "centre of the box", self.centre, f"three numbers, to {SIZES[1]:g} m")
+        object.__setattr__(self, "centre", centre)
 
     @property
     def body_shape(self) -> BodyShape:

@@ -100,7 +100,8 @@ class ShownGround:
                 whole = name_of_tile(deck, name)
                 tiles[whole], frames[whole] = mesh, it.frame(time)
         for name in list(self._tiles):
-            if name not in tiles or not _fits(self._tiles[name], tiles[name]):
+            is_there = self._core.is_ground(self._tiles[name].uid)  # the user may have removed it
+            if name not in tiles or not is_there or not _fits(self._tiles[name], tiles[name]):
                 self._remove(name)
         for name, mesh in tiles.items():
             if name in self._tiles and self._tiles[name].is_drawn(mesh, time):
@@ -199,7 +200,8 @@ class ShownGround:
         self._client.changeVisualShape(uid, -1, textureUniqueId=texture, rgbaColor=(1.0,) * 4, specularColor=(0.0,) * 3)
 
     def _remove(self, name: str) -> None:
-        self._client.removeBody(self._tiles[name].uid)
+        if self._core.is_ground(self._tiles[name].uid):
+            self._client.removeBody(self._tiles[name].uid)
         gone = self._tiles.pop(name)
         if gone.size is not None:
             self._unused.setdefault(gone.size, []).append(gone.shape)

@@ -15,6 +15,12 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
+def publishers_on(node: Transport, topic: str) -> frozenset[bytes]:
+    """Return the identifiers of the publishers that DDS has on a topic, which are new in each process of a node: one
+    that was killed stays for seconds beside the next."""
+    return frozenset(bytes(one.endpoint_gid) for one in node.get_publishers_info_by_topic(topic))
+
+
 class Clock(Protocol):
     """The time of a node."""
 

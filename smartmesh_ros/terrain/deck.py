@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, as_float, require
 from smartmesh_ros.terrain.checked_heights import checked_time, unmasked
 from smartmesh_ros.terrain.grid import MAX_COORDINATE, FloatArray
 from smartmesh_ros.terrain.tiles import MainMesh, Tiles
@@ -54,9 +54,8 @@ class Deck(Tiles):
         position: ArrayLike = (0.0, 0.0, 0.0),
         orientation: ArrayLike = LEVEL,
     ) -> None:
-        if not thickness >= 0.0:
-            raise InputError("thickness", f"the thickness is {thickness} m; it must be zero or more")
-        self.thickness = float(thickness)
+        self.thickness = as_float(thickness)
+        require(self.thickness >= 0.0, "thickness", "the thickness of a deck", thickness, "zero or more [m]")
         self.body, self.link, self._place = -1, -1, pose_of((0.0, 0.0, 0.0), LEVEL)
         self._last = -math.inf  # time of the last pose [s]; -infinity = it was never moved
         super().__init__(single)

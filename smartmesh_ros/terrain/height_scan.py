@@ -115,9 +115,11 @@ class HeightScan:
     def read(self, terrain: MainMesh | Terrain, poses_w: ArrayLike, time: float) -> FloatArray:
         """Return the values (n, k) around ``poses_w`` (n, 4), each x, y, z [m] and yaw [rad], at ``time`` [s]. Raises
         `InputError` for another shape."""
-        poses_w, time = unmasked(poses_w, "poses").astype(np.float64), checked_time(time)
-        if poses_w.ndim != 2 or poses_w.shape[1] != 4:
-            raise InputError("length", f"poses have shape {poses_w.shape}; it must be (n, 4): x, y, z and yaw of each")
+        given, time = unmasked(poses_w, "poses"), checked_time(time)
+        if given.ndim != 2 or given.shape[1] != 4 or given.dtype.kind not in "fiu":
+            words = "they must be numbers of shape (n, 4): x, y, z and yaw of each"
+            raise InputError("length", f"poses have shape {given.shape} and type {given.dtype}; {words}")
+        poses_w = given.astype(np.float64)
         found = np.empty((len(poses_w), len(self.points_b)))
         CORE.scan_heights(
             Terrain.of(terrain).readers, np.ascontiguousarray(poses_w[:, [0, 1, 3]]), self.points_b, time, found
@@ -142,6 +144,11 @@ class HeightScan:
         if self.distribution == "normal":
             return random.normal(0.0, self.noise, shape)
         return random.uniform(-self.noise, self.noise, shape)
+
+
+def require_scan(scan: Any) -> None:
+    """Raise `InputError` unless something is the settings of a height scan."""
+    require(isinstance(scan, HeightScan), "height_scan", "the scan", scan, "HeightScan(...) or HeightScan.of(layout)")
 
 
 def yaws_of(orientations: ArrayLike) -> FloatArray:

@@ -109,7 +109,7 @@ NAMES = tuple(field.name for field in fields(Material))
 def together(material: Material | None, **layers: Any) -> Material:
     """Return a ``material`` with other ``layers``, None = not given; raises `InputError` for a layer of both."""
     given = {name: layer for name, layer in layers.items() if layer is not None}
-    whole = material or Material()
+    whole = Material() if material is None else material
     if not isinstance(whole, Material):
         raise InputError("type", f"the material is {material!r}; pass Material(friction=..., ...)")
     if not given:

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.core import CORE, dtype_of
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, as_float
 from smartmesh_ros.terrain.checked_heights import checked_time
 from smartmesh_ros.terrain.state_file import filled
 
@@ -99,6 +99,8 @@ class MotionConfig:
     min_interval: float = 0.004
 
     def __post_init__(self) -> None:
+        for name in ("smoothing", "max_interval", "max_velocity", "settle", "noise", "min_interval"):
+            object.__setattr__(self, name, as_float(getattr(self, name)))  # what is no number becomes NaN
         if self.mode not in get_args(MotionMode):
             raise InputError(
                 "parameter", f"terrain motion {self.mode!r} is unknown; choose {', '.join(get_args(MotionMode))}"

@@ -57,6 +57,8 @@ class MovingHeights(LaidGround, MovingGround):
             geometry = geometry_of(heights.shape, resolution, origin, yaw)
         elif not isinstance(geometry, GridGeometry):
             raise InputError("geometry", f"the geometry is {geometry!r}; pass GridGeometry(rows=..., ...)")
+        elif resolution is not None:
+            raise InputError("geometry", "the resolution is given twice, by itself and in the geometry; give it once")
         time = checked_time(time)
         self.geometry = geometry
         self._motion = checked_motion(motion)
@@ -186,7 +188,8 @@ class MovingHeights(LaidGround, MovingGround):
         of the material there that are given.
 
         The cost depends on the size of the rectangle, not of the map. Other samples of the blocks that the rectangle
-        touches count as at rest. Raises `InputError` and then changes nothing.
+        touches count as at rest, but for parts of one map, of the same time. Raises `InputError` and then changes
+        nothing.
         """
         time, heights = checked_next_time(time, self.time), unmasked(heights, "heights of the region")
         shape = heights.shape

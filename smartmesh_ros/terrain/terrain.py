@@ -16,7 +16,7 @@ from smartmesh_ros.terrain.grid_track import GridTrack, RigidMotion
 from smartmesh_ros.terrain.heightmap import Samples, ground_heights
 from smartmesh_ros.terrain.material import Material
 from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.terrain.tiles import MainMesh, Tiles
+from smartmesh_ros.terrain.tiles import MainMesh, Tiles, require_tile_name
 
 __all__ = ["MainMesh", "Terrain"]
 
@@ -64,6 +64,7 @@ class Terrain(Tiles):
     def put(self, name: str, mesh: MainMesh | Deck) -> None:
         """Add a tile or a deck, or replace that of this name; see `Tiles.put`. Raises `InputError` if a tile has the
         name of a deck."""
+        require_tile_name(name)
         taken, kind = (self.tiles, "tile") if isinstance(mesh, Deck) else (self.decks, "deck")
         if name in taken:
             raise InputError("name", f"{name!r} is the name of a {kind}; remove it, or choose another name")

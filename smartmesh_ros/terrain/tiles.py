@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any, Self
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, require
 from smartmesh_ros.terrain.grid_track import cells_moved
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import next_revision
@@ -107,6 +107,7 @@ class Tiles:
                 "terrain", f"the terrain is of type {type(mesh).__name__}; pass HeightMap(heights, resolution=...), "
                 "a TriangleMesh, or a Terrain of several"
             )  # fmt: skip
+        require_tile_name(name)
         old = self.tiles.get(name)
         if isinstance(old, HeightMap) and isinstance(mesh, HeightMap) and old is not mesh:
             carry_material(old, mesh)
@@ -147,6 +148,11 @@ class Tiles:
     def readers(self) -> list[Any]:
         """The core's readers of all tiles."""
         return [mesh.core_reader for mesh in self.tiles.values()]
+
+
+def require_tile_name(name: Any) -> None:
+    """Raise `InputError` unless a name can be that of a tile or a deck."""
+    require(isinstance(name, str), "name", "the name of a tile or deck", name, "a text")
 
 
 def _replace_contents(mesh: Any, contents: dict[str, Any]) -> None:

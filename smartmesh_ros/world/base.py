@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, as_float, require
 from smartmesh_ros.world.base_config import BaseConfig
 from smartmesh_ros.world.base_geometry import BaseGeometry, geometry_of
 from smartmesh_ros.world.bodies import Body
@@ -71,6 +71,7 @@ class Base:
     _velocity: tuple[float, float]  # measured [m/s, rad/s]
 
     def __init__(self, world: World, name: str, config: BaseConfig) -> None:
+        require(isinstance(config, BaseConfig), "base", "the config of a base", config, "BaseConfig(...)")
         self.name, self.config = name, config
         self._world = world
         self._body: Body | None = None  # that `_geometry` is of
@@ -92,8 +93,9 @@ class Base:
         Beyond its limits, the base turns as tightly as it can, and is slower on the same path. Raises `InputError` if
         the robot is not there, cannot drive so, or a number is not finite.
         """
-        if not (math.isfinite(linear) and math.isfinite(angular)):
+        if not (math.isfinite(as_float(linear)) and math.isfinite(as_float(angular))):
             raise InputError("non_finite", f"a base cannot drive at {linear} m/s and {angular} rad/s: not finite")
+        require(as_float(lasts) >= 0.0, "base", "the duration of a command", lasts, "zero or more [s]")
         self._note_time()
         geometry = self._find()
         if geometry is None:

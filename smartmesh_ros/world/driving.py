@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import pybullet as pb
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, as_float, require
 from smartmesh_ros.ground.followers import Belt
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.quaternions import conjugate, rotate
@@ -76,6 +76,7 @@ class Driving:
         to that of the URDF. What a velocity drives stops after it ``lasts`` [s], unless the next command comes before.
         Raises `InputError` as `require_command` does."""
         self.require_command(name, joint, command)
+        require(as_float(lasts) >= 0.0, "joint_command", "the duration of a command", lasts, "zero or more [s]")
         body = self.bodies[name]
         self._ends.pop((name, joint), None)
         if command.velocity and command.position is None and lasts < math.inf:

@@ -102,8 +102,6 @@ class Guests:
 
     def note_contacts(self) -> None:
         """Note which guests touched another body in the last step."""
-        if not self._owners:
-            return
         guests = {guest.uid: guest for known in self._owners.values() for guest in known.guests.values()}
         if not guests:
             return

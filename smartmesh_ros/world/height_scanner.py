@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.height_scan import HeightScan
+from smartmesh_ros.terrain.height_scan import HeightScan, require_scan
 from smartmesh_ros.world.world import ROUNDING, World
 
 
@@ -17,6 +17,7 @@ class HeightScanner:
     they show the ground and the poses as they were then."""
 
     def __init__(self, world: World, names: str | Sequence[str], scan: HeightScan) -> None:
+        require_scan(scan)
         self._world, self._names, self._scan = world, names, replace(scan, delay=0.0)
         self._delay = scan.delay
         self._waiting: deque[tuple[float, FloatArray]] = deque()

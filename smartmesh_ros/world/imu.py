@@ -59,6 +59,8 @@ class ImuConfig:
             else:
                 possible, wanted = _is_between(value, 0.0, LARGEST), f"0 to {LARGEST:g}"
             require(possible, "imu", f"{name} of an IMU", value, wanted)
+            if name.endswith("bias"):
+                object.__setattr__(self, name, tuple(map(float, value)))  # to be compared
 
 
 def _is_between(value: Any, low: float, high: float) -> bool:
@@ -95,7 +97,9 @@ class Imu:
     _before: BodyState | None  # before the step
 
     def __init__(self, world: World, name: str, link: str = "", config: ImuConfig | None = None) -> None:
-        self.name, self.link, self.config = name, link, config or ImuConfig()
+        config = ImuConfig() if config is None else config
+        require(isinstance(config, ImuConfig), "imu", "the config of an IMU", config, "ImuConfig(...)")
+        self.name, self.link, self.config = name, link, config
         self._world = world
         self._body: Body | None = None  # that is measured
         self._link: int | None = None  # its link in PyBullet, -1 = the root, None = there is none

@@ -9,7 +9,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, as_float, require_body_name
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.followers import Belt, Follower, Followers
@@ -63,7 +63,7 @@ class Population(Driving):
         some part of the body is over no ground is refused.
         """
         self._require_free(name)
-        start = self._start_of(name, state, on_ground)
+        start = self._start_of(name, state, on_ground, clearance, align)
         body = self._factory.simulated(name, shape, mass, start)
         self._add(self._put(body, on_ground=on_ground, clearance=clearance, align=align))
 
@@ -83,7 +83,7 @@ class Population(Driving):
         A robot that was prepared by `prepare_robot`, in another thread for example, is added in a few milliseconds.
         """
         self._require_free(name)
-        body = self._factory.robot(name, prepare_robot(urdf), self._start_of(name, state, on_ground))
+        body = self._factory.robot(name, prepare_robot(urdf), self._start_of(name, state, on_ground, clearance, align))
         self._add(self._put(body, on_ground=on_ground, clearance=clearance, align=align))
 
     def ground_at(self, points_w: ArrayLike) -> GroundSamples:
@@ -182,9 +182,13 @@ class Population(Driving):
         """The attached bodies and links, by the slots of the batches."""
         return self.ground.followers
 
-    def _start_of(self, name: str, state: BodyState | None, on_ground: bool) -> BodyState:
+    def _start_of(
+        self, name: str, state: BodyState | None, on_ground: bool, clearance: float, align: bool
+    ) -> BodyState:
         """Return the state for a new body before it is put onto the ground. Raises `InputError`."""
-        state = state or BodyState()
+        if (as_float(clearance) != 0.0 or align) and not on_ground:
+            raise InputError("parameter", "clearance and align go with on_ground=True alone")
+        state = BodyState() if state is None else state
         require_possible(name, state)
         if on_ground and self.terrain.empty:
             raise InputError("no_map", NO_TERRAIN)
@@ -236,8 +240,7 @@ class Population(Driving):
         self._set_ends({key: end for key, end in self._ends.items() if key[0] != body.name})
 
     def _require_free(self, name: str) -> None:
-        if not (name and isinstance(name, str)) or "/" in name:
-            raise InputError("empty_id", f"{name!r} cannot name a body; a name is not empty and has no '/'")
+        require_body_name(name)
         if owner := self.guests.owner_of(name):
             raise InputError("duplicate_id", f"{name!r} is simulated by {owner} already; choose another name")
         if name in self.bodies:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, as_float, require_not_negative
 from smartmesh_ros.ground.config import PhysicsConfig, SleepConfig
 from smartmesh_ros.ground.limits import FARTHEST_BODY
 
@@ -22,8 +22,9 @@ class FallConfig:
     most: int = 5
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.depth <= FARTHEST_BODY:
+        if not 0.0 < as_float(self.depth) <= FARTHEST_BODY:
             raise InputError("parameter", f"lost depth is {self.depth} m; it must be above 0, to {FARTHEST_BODY:g}")
+        require_not_negative(self, "falls")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,8 +58,11 @@ class GuestConfig:
     slip: float = 0.7
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.margin) and self.margin > 0.0):
-            raise InputError("parameter", f"the margin of guests is {self.margin} m; it must be greater than zero")
+        if not 0.0 < as_float(self.margin) < math.inf:
+            raise InputError(
+                "parameter", f"the margin of guests is {self.margin} m; it must be finite and greater than zero"
+            )
+        require_not_negative(self, "guests")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,7 +18,7 @@ from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.height_scan import HeightScan, yaws_of
+from smartmesh_ros.terrain.height_scan import HeightScan, require_scan, yaws_of
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 from smartmesh_ros.world.contacts import GroundContact, GroundWrench, ground_contacts, wrenches_of_step
 from smartmesh_ros.world.driving import Carrier
@@ -172,6 +172,7 @@ class World(SavedWorld):
         """Return the values (n, k) of a scan of the ground around n bodies now, of a robot around the frame of its base
         link. Raises `InputError` if there is no body of one of the names, or if the scan has a delay, for which
         `HeightScanner` keeps earlier scans."""
+        require_scan(scan)
         if scan.delay:
             raise InputError("height_scan", "World.height_scan scans now; for a delay use a HeightScanner")
         bodies = [self.body(name) for name in ([names] if isinstance(names, str) else names)]

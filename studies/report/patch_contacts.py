@@ -64,7 +64,7 @@ class PatchContacts(MapContacts):
                 if follower.solid:
                     self._apply(follower, batch, row)
                     served.add(follower.slot)
-        for slot in set(self._followers.solid.tolist()) - served:
+        for slot in set(np.flatnonzero(self._followers.table["solid"]).tolist()) - served:
             self._release(self._followers[slot])
 
     def close(self) -> None:

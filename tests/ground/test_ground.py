@@ -136,3 +136,30 @@ def test_a_body_that_is_removed_without_a_word_is_taken_off_the_ground(client: A
         assert (height(client, body) > 0.0) == attached
         assert len(ground.followers) == attached
         assert client.getNumBodies() == 1 + attached
+
+
+@pytest.mark.parametrize("cleared", [False, True])
+def test_a_piece_of_ground_that_is_removed_is_put_back(
+    client: Any, caplog: pytest.LogCaptureFixture, cleared: bool
+) -> None:
+    """And told; unless the body is removed as well, as by who clears the whole world."""
+    body = put(client, BALL, START)
+    ground = ground_of(client, level(), body)
+    follower = ground.followers.at(body, -1)
+    assert follower is not None and follower.collider is not None
+    client.removeBody(follower.collider)
+    assert not ground.is_ground(follower.collider)
+    other = put(client, BALL, (1.0, 0.0, BALL.radius))  # gets the number
+    assert other == follower.collider
+    if cleared:
+        client.removeBody(body)
+    else:
+        ground.attach(other)
+    run(ground)
+    assert client.getNumBodies() == (1 if cleared else 4)
+    assert [each.body for each in ground.followers] == ([] if cleared else [body, other])
+    assert ("the ground under body 0 was removed" in caplog.text) == (not cleared)
+    if not cleared:
+        assert height(client, body) == pytest.approx(BALL.radius, abs=1e-3)
+    ground.detach(body)
+    assert client.getNumBodies() == (1 if cleared else 3)

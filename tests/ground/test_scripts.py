@@ -13,6 +13,7 @@ from pybullet_utils.bullet_client import BulletClient
 from smartmesh_ros import (
     BodyState,
     Box,
+    Deck,
     Ground,
     HeightMap,
     InputError,
@@ -23,10 +24,12 @@ from smartmesh_ros import (
     World,
     WorldConfig,
 )
+from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.shapes import Hull
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-from tests.grounds import level
+from smartmesh_ros.world.settings import FallConfig, GuestConfig
+from tests.grounds import level, terrain_of
 
 
 @pytest.fixture
@@ -101,6 +104,7 @@ def times() -> Iterator[Callable[[int], Any]]:
         yield lambda c, time=time: Terrain(level()).shift_time(time)
         yield lambda c, time=time: Ground(c, level()).step(time, 1 / 240)
         yield lambda c, time=time: Ground(c, level()).update(time, 1 / 240)
+        yield lambda c, time=time: Ground(c, level()).find_patches(time)
         yield lambda c, time=time: Ground(c, level()).at([[0.0, 0.0]], time)
         yield lambda c, time=time: Ground(c, level()).cast_rays([[0, 0, 1]], [[0, 0, -1]], 3.0, time)
         yield lambda c, time=time: TriangleMesh(np.eye(3), [[0, 1, 2]], time=time)
@@ -121,6 +125,29 @@ def times() -> Iterator[Callable[[int], Any]]:
         (lambda c: Ground(c, level()).attach([0]), "no body [0]"),
         (lambda c: Ground(c, level()).attach(float(ball_in(c))), "no body 0.0"),
         (lambda c: Ground(c, level()).attach(ball_in(c), 5), "no link 5; it has -1 (the base) alone"),
+        (lambda c: Ground(c, level()).attach(ball_in(c), -1.0), "no link -1.0"),
+        (
+            lambda c: Ground(c, level()).attach(ball_in(c), shape=Sphere(0.2), radius=0.2),
+            "a shape and a radius; give eit",
+        ),
+        (lambda c: Ground(c, level()).attach(ball_in(c), shape="ball"), "pass Sphere, Box, Cylinder or Capsule"),
+        (
+            lambda c: Ground(c, level()).attach(ball_in(c), radius="large"),
+            "radius of the sphere is large m; it must be",
+        ),
+        *(
+            (
+                lambda c, link=link: Ground(c, terrain_of(deck=Deck(level()))).carry("deck", ball_in(c), link),
+                f"no link {link!r}",
+            )
+            for link in (-2, 0, "deck")
+        ),
+        (lambda c: World(None, WorldConfig(sleep=SleepConfig(after=-1.0))), "after of sleep is -1.0; it must be zero"),
+        (lambda c: World(None, WorldConfig(sleep=SleepConfig(noise="some"))), "noise of sleep is 'some'"),
+        (lambda c: World(None, WorldConfig(falls=FallConfig(period=np.nan))), "period of falls is nan"),
+        (lambda c: World(None, WorldConfig(falls=FallConfig(depth="deep"))), "depth is deep m"),
+        (lambda c: World(None, WorldConfig(guests=GuestConfig(settle=-0.1))), "settle of guests is -0.1"),
+        (lambda c: World(None, WorldConfig(guests=GuestConfig(margin="wide"))), "margin of guests is wide m"),
         (lambda c: [g := Ground(c, level()), g.attach(g.attach(ball_in(c)).collider)], "is a piece of this ground"),
         (lambda c: HeightMap(np.zeros((5, 5))), "resolution is missing; pass resolution="),
         (lambda c: HeightMap(np.zeros((5, 5)), resolution="fine"), "resolution is 'fine'"),

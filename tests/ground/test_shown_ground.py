@@ -150,6 +150,23 @@ def test_nothing_touches_what_is_shown(client: Any) -> None:
     assert [ground.is_ground(body) for body in hits] == [False, True, True]
 
 
+def test_a_tile_that_is_removed_from_pybullet_is_drawn_again_and_who_gets_its_number_stays(client: Any) -> None:
+    terrain = level()
+    ground = ground_of(client, terrain)
+    ground.show()
+    tile = ground.shown[""]
+    for ends in (lambda: terrain.replace(np.full((41, 41), 0.1), time=1.0), ground.hide):
+        client.removeBody(tile)
+        ball = put(client, Sphere(0.2), (5.0, 0.0, 1.0))
+        assert ball == tile and not ground.is_ground(ball)
+        ends()
+        run(ground, 30)
+        assert client.getBasePositionAndOrientation(ball)[0][:2] == pytest.approx((5.0, 0.0), abs=1e-3)
+        tile = ground.shown.get("", -1)
+        assert ground.is_ground(tile) == bool(ground.shown)
+    assert client.getNumBodies() == 2
+
+
 def height_under(client: Any, x: float = 0.0, y: float = 0.0, above: float = 900.0) -> float:
     """Height at which a ray that comes down meets anything [m]."""
     (hit,) = client.rayTest((x, y, above), (x, y, -900.0))

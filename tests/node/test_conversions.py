@@ -102,7 +102,7 @@ def test_spoilt_messages_are_refused_or_read_and_nothing_else(names: list[str], 
     ("change", "reason"),
     [
         ({"bodies": [TrackedBody(id="a"), TrackedBody(id="a")]}, "duplicate_id"),
-        ({"bodies": [TrackedBody(id="a/b")]}, "empty_id"),
+        *[({"bodies": [TrackedBody(id=name)]}, "empty_id") for name in ("a/b", " ", "a\nb", "\x1b[2J")],
         ({"bodies": [TrackedBody(id="x" * 257)]}, "name"),
         ({"bodies": [TrackedBody()] * 100_001}, "size"),
         ({"ahead": math.nan}, "non_finite"),

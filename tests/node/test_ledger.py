@@ -28,6 +28,7 @@ from smartmesh_ros.world.state_table import StateTable
 from tests.node.shared import made_with, wait_until
 
 NODES = ["a", "b", "c"]
+LONG = 100_000 * "x"
 EVENTS = ["die", "cut", "come", "spawn", "wait"]
 
 
@@ -227,6 +228,27 @@ class Silent(Node):
         super().__init__("a", **options)
         self.states = self.create_publisher(TrackedBodyArray, "~/body_states", 10)
         self.create_service(RemoveBodies, "~/remove_bodies", lambda _, response: response, qos_profile=SERVICES)
+
+
+@pytest.mark.parametrize(
+    ("service", "asked", "words"),
+    [
+        ("~/remove_bodies", RemoveBodies.Request(ids=[LONG]), "there is no body"),
+        ("~/spawn_bodies", SpawnBodies.Request(bodies=[BodySpecification(id=LONG)] * 2), "is named 2 times"),
+    ],
+)
+def test_the_front_quotes_no_long_name_whole(
+    monkeypatch: pytest.MonkeyPatch, service: str, asked: Any, words: str
+) -> None:
+    served: dict[str, tuple[Any, Any]] = {}
+    serve = lambda _, kind, name, act, **__: served.update({name: (kind, act)})  # noqa: E731
+    monkeypatch.setattr(Front, "create_service", serve)
+    with made_with(Front, {"nodes": ["/a"]}):
+        kind, act = served[service]
+        answer = result_of(act(asked, kind.Response()))
+    [failure] = answer.failures
+    assert words in failure.reason and words in answer.message
+    assert len(failure.id) + len(failure.reason) + len(answer.message) < 4000
 
 
 @pytest.mark.parametrize("killed", [False, True])

@@ -133,7 +133,9 @@ def test_every_bad_message_is_refused_counted_and_changes_nothing(logged: Logged
 
 BAD_SPAWNS: list[tuple[str, dict[str, Any]]] = [
     ("already", {"id": "ball"}),
-    ("not empty", {"id": ""}),
+    ("not blank", {"id": ""}),
+    ("cannot name a body", {"id": "a\nb"}),
+    ("on_ground=True", {"align": True}),
     ("mass", {"mass": 0.0}),
     ("mass", {"mass": NAN}),
     ("length 1", {"pose": changed(pose_message((0, 0, 0)), orientation__w=0.0)}),

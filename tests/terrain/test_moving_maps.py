@@ -245,6 +245,7 @@ def test_the_velocity_of_the_ground_is_the_rate_of_its_height(motion: MotionConf
 
 
 @examples(25)
+@example([(0.0, True, False), (0.0, True, True)], 0, 0.0, MotionConfig())  # a part of a map keeps velocities beside it
 @given(
     st.lists(st.tuples(st.just(0.0) | st.floats(0.01, 0.3), st.booleans(), st.booleans()), min_size=1, max_size=5),
     st.integers(0, 10**6), st.floats(0.0, 0.5), st.sampled_from([MotionConfig(), *SMOOTH]),

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from smartmesh_ros import Deck, GridGeometry, HeightMap, HeightScan, InputError, Material, MotionConfig, Terrain
+from smartmesh_ros import Box, Deck, GridGeometry, HeightMap, HeightScan, InputError, Material, MotionConfig, Terrain
 from smartmesh_ros.io.rasters import RasterConfig, from_grid_map, occupancy_heights
 from smartmesh_ros.terrain.surface_query import checked_points, checked_rays
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
@@ -66,7 +66,8 @@ REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
         ({"mode": "guess"}, "choose"), ({"changes": "guess"}, "choose"), ({"max_interval": 0.0}, "max_interval"),
         ({"max_velocity": NAN}, "max_velocity"), ({"settle": 0.0}, "settle"), ({"noise": NAN}, "noise"),
         *(({"min_interval": value}, "min_interval") for value in (1.0, -1.0)),
-        *(({"smoothing": value}, "smoothing") for value in (-1.0, NAN, 11.0)),
+        *(({"smoothing": value}, "smoothing") for value in (-1.0, NAN, 11.0, "some")),
+        ({"max_interval": None}, "max_interval"), ({"noise": "little"}, "noise"),
     ],
     (geometry, "geometry"): [
         ({"rows": 2}, "3 x 3"), ({"columns": 0}, "3 x 3"), ({"origin": (0.0, INF, 0.0)}, "origin"),
@@ -78,7 +79,10 @@ REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
     (geometry, "size"): [
         ({"rows": count, "columns": count}, "too many") for count in (2**20, np.int32(2**16), np.uint16(65535))
     ],
-    (flat, "geometry"): [({"resolution": None, "geometry": (9, 12)}, "pass GridGeometry(rows=..., ...)")],
+    (flat, "geometry"): [
+        ({"resolution": None, "geometry": (9, 12)}, "pass GridGeometry(rows=..., ...)"),
+        ({"geometry": GridGeometry(rows=9, columns=12, resolution=0.2)}, "resolution is given twice"),
+    ],
     (checked_points, "length"): [(([[0.0]],), "(N, 2)"), (([0.0, 0.0],), "(N, 2)"), (([["a", "b"]],), "real numbers")],
     (checked_points, "non_finite"): [
         (([[NAN, 0.0]],), "finite"), (([[0.0, INF]],), "finite"),
@@ -94,7 +98,22 @@ REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
     (places, "length"): [((points,), "real numbers of shape (N, 2)")
                          for points in ([], None, [[0.0, 0.0, 0.0]], np.zeros((2, 2, 2)), [["a", "b"]], [[1j, 0.0]])],
     (flat, "parameter"): [({"motion": "hold"}, "pass MotionConfig(mode=...)")],
-    (flat, "type"): [({"material": {"friction": 0.5}}, "pass Material(friction=..., ...)")],
+    (flat, "type"): [
+        ({"material": given}, "pass Material(friction=..., ...)") for given in ({"friction": 0.5}, np.ones((9, 12)))
+    ],
+    (Deck, "thickness"): [
+        ({"thickness": given}, "zero or more") for given in (-1.0, NAN, "thin", None, [0.1])
+    ],
+    (Terrain().put, "name"): [
+        ((name, made), "must be a text") for name in (3, None) for made in (flat(), Deck(flat()))
+    ],
+    (partial(HeightScan().read, flat()), "length"): [
+        ((poses, 0.0), "x, y, z and yaw of each") for poses in ([[0, 0, 0]], "here", [["a", "b", "c", "d"]])
+    ],
+    (partial(Box, 1.0, 1.0, 1.0), "geometry"): [
+        ({"centre": centre}, "three numbers")
+        for centre in ((1.0, 2.0), (), None, "abc", (0.0, 0.0, NAN), (0.0, 0.0, 1e9))
+    ],
     (mesh, "length"): [
         ((PLACES[:, :2],), "(V, 3)"), ((PLACES, [[0, 1]]), "(T, 3)"), ((PLACES, np.zeros((0, 3), int)), "at least one"),
         ({"velocities": np.zeros((3, 3))}, "(48, 3)"),

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pybullet_data
@@ -266,5 +267,12 @@ def test_what_does_not_fit_the_robot_is_said_once_and_refused(name: str, config:
         assert words in said[0]
         with pytest.raises(InputError, match=words):
             base.drive(1.0, 0.0)
-    with World() as world, pytest.raises(InputError, match="not finite"):
-        Base(world, "robot", config).drive(math.nan, 0.0)
+    with World() as world:
+        base: Any = Base(world, "robot", config)
+        for speed, lasts, words in (
+            (math.nan, 1.0, "not finite"),
+            ("fast", 1.0, "not finite"),
+            (1.0, math.nan, "durat"),
+        ):
+            with pytest.raises(InputError, match=words):
+                base.drive(speed, 0.0, lasts)

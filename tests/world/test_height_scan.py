@@ -185,7 +185,7 @@ def test_what_cannot_be_scanned_is_refused_and_without_bodies_or_ground_there_is
     with pytest.raises(InputError, match="HeightScanner"):
         world.height_scan("robot", HeightScan(delay=0.02))
     for poses in (np.zeros(4), np.zeros((2, 3))):
-        with pytest.raises(InputError, match=r"it must be \(n, 4\)"):
+        with pytest.raises(InputError, match=r"numbers of shape \(n, 4\)"):
             HeightScan().read(world.terrain, poses, 0.0)
     ground, scan = level(), HeightScan(size=(0.2, 0.2))
     assert scan.read(ground, [(0, 0, 1, 0)], 0.0).tolist() == [[0.0] * 9]

@@ -3,6 +3,7 @@ heaves: test_moving_forces.py."""
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -193,3 +194,9 @@ def test_a_teleport_is_no_acceleration_and_what_is_not_there_is_not_measured() -
 def test_settings_that_cannot_be_are_refused(name: str, value: object) -> None:
     with pytest.raises(InputError, match=f"{name} of an IMU is"):
         ImuConfig(**{name: value})  # type: ignore[arg-type]
+
+
+def test_biases_that_are_lists_or_arrays_are_compared_as_tuples() -> None:
+    bias: Any = [0.1, 0.0, 0.0]
+    configs = [ImuConfig(gyroscope_bias=given) for given in (bias, np.array(bias), tuple(bias))]
+    assert len({*configs}) == 1

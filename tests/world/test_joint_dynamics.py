@@ -1,13 +1,14 @@
 """What a URDF says of its joints and inertias and PyBullet drops: as mechanics wants it, or told."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smartmesh_ros import BodyState, PhysicsConfig, Terrain, World, WorldConfig
+from smartmesh_ros import BodyState, InputError, PhysicsConfig, Terrain, World, WorldConfig
 from smartmesh_ros.world.joints import JointCommand, JointReading
 from tests.grounds import said_by, world_of
 from tests.urdfs import joint, link, robot
@@ -237,6 +238,10 @@ def test_a_velocity_lasts_its_time_unless_it_is_renewed_and_positions_and_effort
             for name in ("j", "track"):
                 world.command("r", name, JointCommand(velocity=1.0), 0.5)
             world.step(96)
+        wrong: tuple[Any, ...] = (math.nan, -1.0, "long")
+        for lasts in wrong:  # a command that is refused leaves the one before in force
+            with pytest.raises(InputError, match="duration of a command"):
+                world.command("r", "j", JointCommand(velocity=2.0), lasts)
         world.reset_time()  # changes nothing of it
         world.step(22)
         assert (world.joints("r")[0].velocity, world.surfaces("r")[0].speed) == pytest.approx((1.0, 1.0))

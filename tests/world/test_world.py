@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, InputError, PhysicsConfig, Sphere, World, WorldConfig
+from smartmesh_ros import (
+    Base,
+    BodyState,
+    Box,
+    HeightScanner,
+    Imu,
+    InputError,
+    PhysicsConfig,
+    Sphere,
+    World,
+    WorldConfig,
+)
 from smartmesh_ros.node.inputs.tracking import Tracking
 from tests import urdfs
 from tests.grounds import level, moving, shaped, world_of
@@ -21,6 +33,18 @@ from tests.grounds import level, moving, shaped, world_of
         (lambda w: w.spawn("ball", Sphere(0.1), 1.0), "duplicate_id"),
         (lambda w: w.spawn("", Sphere(0.1), 1.0), "empty_id"),
         (lambda w: w.spawn("a/b", Sphere(0.1), 1.0), "empty_id"),
+        *(
+            (partial(World.spawn, name=name, shape=Sphere(0.1), mass=1.0), "empty_id")
+            for name in (" ", "a\nb", "\t", 7)
+        ),
+        (lambda w: w.track("a\x00b", 0.1, BodyState()), "empty_id"),
+        (lambda w: w.height_scan("ball", "isaac_lab"), "height_scan"),
+        (lambda w: HeightScanner(w, "ball", "isaac_lab"), "height_scan"),
+        (lambda w: Imu(w, "ball", config=100.0), "imu"),
+        (lambda w: Base(w, "ball", "husky"), "base"),
+        (lambda w: w.spawn("x", Sphere(0.1), 1.0, np.zeros(3)), "type"),
+        (lambda w: w.spawn("x", Sphere(0.1), 1.0, align=True), "parameter"),
+        (lambda w: w.spawn_robot("x", urdfs.HUSKY, clearance=0.1), "parameter"),
         (lambda w: w.spawn("x", Sphere(0.1), 0.0), "geometry"),
         (lambda w: w.spawn("x", Sphere(0.1), math.nan), "geometry"),
         (lambda w: w.spawn("x", Sphere(-0.1), 1.0), "geometry"),
@@ -48,6 +72,11 @@ def test_what_cannot_be_is_refused_and_nothing_changes(world: World, act: Callab
     assert world.client.getNumBodies() == bodies
     world.step(10)
     assert world.state("ball").position[2] == pytest.approx(0.2, abs=1e-3)
+
+
+def test_a_mass_without_end_is_called_what_it_is(world: World) -> None:
+    with pytest.raises(InputError, match="mass of 'x' is inf kg; it must be finite"):
+        world.spawn("x", Sphere(0.1), math.inf)
 
 
 def test_a_tracked_body_that_is_not_heard_of_goes_no_farther(world: World) -> None:

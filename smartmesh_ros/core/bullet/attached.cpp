@@ -50,13 +50,17 @@ void Attached::note_removed(int number) {
   note_change();
   if (number < 0 || number >= static_cast<int>(bodies.size())) return;
   for (int k : bodies[number].slots) slots[k].object = nullptr, slots[k].body = -1, ++gone_;
+  if (const int k = bodies[number].proxy_of; k >= 0) slots[k].ground = nullptr, slots[k].proxy = -1, ++gone_;
   bodies[number] = {};
 }
 
-std::vector<int> Attached::find_gone() const {
+std::vector<int> Attached::find_gone(bool of_proxies) const {
   std::vector<int> found;
-  for (std::size_t k = 0; gone_ > 0 && k < slots.size(); ++k)
-    if (slots[k].used && slots[k].body < 0) found.push_back(static_cast<int>(k));
+  for (std::size_t k = 0; gone_ > 0 && k < slots.size(); ++k) {
+    const bool is_gone = slots[k].body < 0;
+    if (slots[k].used && (of_proxies ? !is_gone && slots[k].lost_proxy() : is_gone))
+      found.push_back(static_cast<int>(k));
+  }
   return found;
 }
 
@@ -65,9 +69,9 @@ void Attached::remove(int index) {
   if (slot.body >= 0) {
     std::vector<int>& left = bodies[slot.body].slots;
     left.erase(std::remove(left.begin(), left.end(), index), left.end());
-  } else {
-    --gone_;
   }
+  if (slot.proxy >= 0) bodies[slot.proxy].proxy_of = -1;
+  gone_ -= (slot.body < 0) + slot.lost_proxy();
   slot = Slot{};
   note_change();
 }

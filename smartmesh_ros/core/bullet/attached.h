@@ -7,11 +7,12 @@
 
 namespace smartmesh {
 
-// What belongs to a PyBullet body: the `slots` of its attached links. `still` [s]: time for which all of them are.
-// `wanted`: it was asked to sleep. `driven`: somebody pushes it or drives its joints. `supported`: something else bore
-// it in the last step.
+// What belongs to a PyBullet body: the `slots` of its attached links, and the slot that it is the proxy of, -1 = none.
+// `still` [s]: time for which all its slots are. `wanted`: it was asked to sleep. `driven`: somebody pushes it or
+// drives its joints. `supported`: something else bore it in the last step.
 struct AttachedBody {
   std::vector<int> slots;
+  int proxy_of = -1;
   Sleeper sleeper;
   double still = 0.0;
   bool wanted = false, driven = false, supported = false;
@@ -40,11 +41,11 @@ class Attached {
   void note_change() { known_ = -1, ++rest_changes_; }
   // Number of times that the objects were found.
   long searches() const { return searches_; }
-  // What was attached of a body that PyBullet removed is gone for good: PyBullet gives its number to another.
+  // Notes that PyBullet removed a body, whose number another may get: what was attached of it is gone for good.
   void note_removed(int number);
   bool has_gone() const { return gone_ > 0; }
-  // Returns the slots whose bodies were removed from PyBullet.
-  std::vector<int> find_gone() const;
+  // Returns the slots whose bodies were removed from PyBullet, or whose proxies were and the bodies were not.
+  std::vector<int> find_gone(bool of_proxies) const;
   // Takes a slot out of use.
   void remove(int slot);
 
@@ -57,7 +58,7 @@ class Attached {
   btDiscreteDynamicsWorld& world_;
   int known_ = -1;  // number of objects when they were found last; -1 = they changed since
   long searches_ = 0;
-  int gone_ = 0;  // number of slots whose bodies were removed
+  int gone_ = 0;  // number of bodies of slots, and of proxies, that were removed
   long rest_changes_ = 0, listed_at_ = -1;
 };
 

@@ -43,7 +43,7 @@ struct Slot {
   bool used = false, is_robot = false;
   SlotKind kind;
   int body = -1, link = -1;                  // `body` -1 = it was removed from PyBullet
-  int proxy = -1;                            // -1 = the body is only read
+  int proxy = -1;                            // -1 = the body is only read, or its proxy was removed
   btCollisionObject* object = nullptr;       // found anew in each step; null = it is gone
   btRigidBody* ground = nullptr;             // of the proxy, likewise
   btCollisionShape* shape_before = nullptr;  // of the proxy
@@ -75,6 +75,7 @@ struct Slot {
   Vec3 belt_axis() const;
   // Lets a body that PyBullet may put to sleep by its own rule start anew.
   void stir() const;
+  bool lost_proxy() const { return shape != nullptr && proxy < 0; }
 };
 
 }  // namespace smartmesh

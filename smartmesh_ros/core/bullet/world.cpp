@@ -59,6 +59,7 @@ bool BulletWorld::attach(int index, const ObjectName& name, int proxy, const Bod
   attached.body(name.body).slots.push_back(index);
   attached.note_change();
   if (ground == nullptr) return true;
+  attached.body(proxy).proxy_of = index;
   slot.shape = std::make_unique<GroundShape>(this, index);
   slot.shape_before = ground->getCollisionShape();
   ground->setCollisionShape(slot.shape.get());
@@ -83,6 +84,13 @@ void BulletWorld::note_removed(int body) {
     for (int k : attached.bodies[body].slots)
       if (attached.slots[k].rest.asleep) sleep.note_awake(attached.slots[k]);
   attached.note_removed(body);
+}
+
+bool BulletWorld::is_ground(int body) const {
+  if (body < 0) return false;
+  if (body < static_cast<int>(attached.bodies.size()) && attached.bodies[body].proxy_of >= 0) return true;
+  const btCollisionObject* object = now.drawn ? find_object(now.world, {body, -1}) : nullptr;
+  return object != nullptr && is_untouchable(*object);
 }
 
 bool BulletWorld::keep_apart(int body) {

@@ -37,6 +37,7 @@ class BulletWorld {
   void detach(int slot);
   // Notes that PyBullet removed a body.
   void note_removed(int body);
+  bool is_ground(int body) const;  // a proxy, or one that is drawn and that nothing touches
   // Lets nothing touch a body from now on, which rays still meet; false if PyBullet has no such body.
   bool keep_apart(int body);
   // Moves the surface of the body in a slot, which wakes the body if it sleeps in PyBullet.

@@ -60,7 +60,7 @@ VelocityUpdate note_update(Clock& clock, double time, bool given, bool whole, co
     if (!differs) return {};
     return {Estimate::Correction, 0.5 / (clock.time - clock.middle), 1.0};
   }
-  if (again && clock.known > 0) return {Estimate::Given, 0.0, 0.0};
+  if (again && clock.known > 0) return {Estimate::Given, 0.0, 1.0};  // of a part: the others keep theirs
   clock.time = time;
   const bool parts = recent && time - clock.opened < intervals.least;
   if (parts && !given && clock.known == 0) return {};

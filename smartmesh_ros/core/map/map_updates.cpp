@@ -35,7 +35,7 @@ void note_blocks(HeightGrid& map, const Region& place, const NewSamples& samples
 
 // Writes the velocities of samples that got no new heights, and were at rest for the interval.
 void rest(float* velocities, const Span& samples, const BlockUpdate& block) {
-  if (block.estimate == Estimate::Difference || block.estimate == Estimate::Given) {
+  if (block.estimate == Estimate::Difference || (block.estimate == Estimate::Given && block.keep == 0.0f)) {
     for (std::ptrdiff_t c = samples.first; c < samples.last; ++c) velocities[c] = 0.0f;  // also ends NaN
   } else if (block.estimate == Estimate::Merged) {
     for (std::ptrdiff_t c = samples.first; c < samples.last; ++c) velocities[c] *= block.keep;

@@ -95,6 +95,7 @@ NB_MODULE(_core, m) {
           "shown", [](const Mesh& m) { return m.surface.shown; }, [](Mesh& m, double t) { m.surface.shown = t; })
       .def("update", &Mesh::update);
   add_ground(m);
+  add_probe(m);
   add_contacts(m);
   add_queries(m);
   add_updates(m);

@@ -271,5 +271,6 @@ void add_contacts(nb::module_& m);
 void add_scans(nb::module_& m);
 void add_decks(nb::module_& m);
 void add_ground(nb::module_& m);
+void add_probe(nb::module_& m);
 
 }  // namespace smartmesh

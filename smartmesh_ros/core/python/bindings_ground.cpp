@@ -9,7 +9,6 @@
 #include "bullet/memory.h"
 #include "bullet/moved_bodies.h"
 #include "bullet/world.h"
-#include "bullet/world_probe.h"
 #include "python/soil_binding.h"
 #include "python/tables.h"
 #include "step/step_lock.h"
@@ -144,6 +143,10 @@ struct Ground {
     found->now.time = start;
     return true;
   }
+  bool is_ground(int body) const {
+    const HeldWorld found = find_world();
+    return found.world != nullptr && found->is_ground(body);
+  }
   // Returns the slots of bodies that began to fall, and of those that are lost; see bullet/falling.h.
   auto check_falls(double time, double depth) {
     const HeldWorld held = world();
@@ -228,25 +231,6 @@ struct Ground {
     return found ? std::optional(std::tuple(tuple_of(found->point), tuple_of(found->normal), -found->distance))
                  : std::nullopt;
   }
-  // Returns gravity (3) [m/s^2], duration [s], erp, friction erp and slop [m] of the world's solver (7,).
-  auto settings() const {
-    const SolverSettings found = settings_of(world()->now.world);
-    const Vec3& g = found.gravity;
-    return array_of<double, 1>({g.x, g.y, g.z, found.duration, found.erp, found.friction_erp, found.slop}, {7});
-  }
-  // Returns the point (3) [m], the normal impulse and the impulse of friction (3) [N s] of each contact of a slot in
-  // the last step (n, 7).
-  auto contacts_of(int slot) {
-    std::vector<double> rows;
-    const HeldWorld found = world();
-    found->attached.find_objects();
-    if (const Slot& it = slot_in(found, slot); it.ground != nullptr) {
-      for (const OldContact& c : smartmesh::contacts_of(found->now.world, *it.ground))
-        rows.insert(rows.end(),
-                    {c.point.x, c.point.y, c.point.z, c.normal_impulse, c.friction.x, c.friction.y, c.friction.z});
-    }
-    return array_of<double, 2>(rows, {rows.size() / 7, 7});
-  }
 };
 
 // A number of the world that Python may read and write.
@@ -265,6 +249,7 @@ void add_ground(nb::module_& m) {
   ground.def("set_soil", &Ground::set_soil, "soil"_a.none())
       .def("on_soil", &Ground::on_soil, "slot"_a)
       .def(nb::init<int>(), "number"_a)
+      .def_ro("number", &Ground::number)
       .def("release", &Ground::release)
       .def_prop_ro("is_there", [](const Ground& g) { return g.find_world().world != nullptr; })
       .def("take_fault", &Ground::take_fault)
@@ -286,10 +271,9 @@ void add_ground(nb::module_& m) {
              const HeldWorld held = g.world();
              return find_below(held->now, held->attached);
            })
-      .def(
-          "find_nowhere", [](const Ground& g, double farthest) { return find_nowhere(g.world()->attached, farthest); },
-          "farthest"_a)
-      .def("find_gone", [](const Ground& g) { return g.world()->attached.find_gone(); })
+      .def("find_nowhere", [](const Ground& g, double farthest) { return find_nowhere(g.world()->attached, farthest); })
+      .def("find_gone", [](const Ground& g, bool of_proxies) { return g.world()->attached.find_gone(of_proxies); })
+      .def("is_ground", &Ground::is_ground, "body"_a)
       .def("is_asleep", &Ground::is_asleep, "slot"_a)
       .def("find_asleep", [](const Ground& g) { return g.world()->attached.list_asleep(); })
       .def("drive", &Ground::drive, "slot"_a, "axis"_a, "speed"_a)
@@ -300,9 +284,7 @@ void add_ground(nb::module_& m) {
       .def("take_restored", [](const Ground& g) { take_restored(g.world()->now.world); })
       .def("forget", [](const Ground& g) { g.world()->forget(); })
       .def("keep_apart", &Ground::keep_apart, "body"_a)
-      .def("settings", &Ground::settings)
       .def("deepest_contact", &Ground::deepest_contact, "slot"_a)
-      .def("contacts_of", &Ground::contacts_of, "slot"_a)
       .def("read", &Ground::read, "slots"_a.noconvert(), "states"_a.noconvert());
   add_number<&Instant::time>(ground, "time");
   add_number<&Instant::duration>(ground, "duration");

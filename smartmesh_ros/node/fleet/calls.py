@@ -15,6 +15,7 @@ from smartmesh_ros.node.fleet.ledger import FleetBody
 from smartmesh_ros.node.fleet.peers import topic_of
 from smartmesh_ros.node.inputs.conversions import primitive_of
 from smartmesh_ros.node.session import SERVICES
+from smartmesh_ros.node.transport import publishers_on
 
 
 class _Open(NamedTuple):
@@ -22,7 +23,7 @@ class _Open(NamedTuple):
 
     node: str
     future: Future
-    publishers: set[bytes]
+    publishers: frozenset[bytes]
 
 
 class Calls:
@@ -51,18 +52,14 @@ class Calls:
         states."""
         self._open = [call for call in self._open if not call.future.done()]
         for node, future, publishers in self._open:
-            if node in died or self._publishers(node) != publishers:
+            if node in died or publishers_on(self._front, topic_of(node)) != publishers:
                 future.set_result(None)
-
-    def _publishers(self, node: str) -> set[bytes]:
-        """Return the identifiers of the publishers of a node's states, which are new in each of its processes."""
-        return {bytes(found.endpoint_gid) for found in self._front.get_publishers_info_by_topic(topic_of(node))}
 
     async def _call(self, node: str, kind: Any, names: Sequence[str], **fields: Any) -> dict[str, str]:
         client = self._clients[node, kind]
         if not client.service_is_ready():
             return dict.fromkeys(names, f"{node} serves no calls yet")
-        publishers = self._publishers(node)
+        publishers = publishers_on(self._front, topic_of(node))
         future = client.call_async(kind.Request(**fields))
         self._open.append(_Open(node, future, publishers))
         response = await future

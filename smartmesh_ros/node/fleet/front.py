@@ -26,11 +26,12 @@ from smartmesh_ros.node.fleet.calls import Calls, same_as, specification_of
 from smartmesh_ros.node.fleet.layout import FRONT, marker_namespace, node_names
 from smartmesh_ros.node.fleet.ledger import Duties, FleetBody, Ledger, LedgerConfig
 from smartmesh_ros.node.fleet.peers import NEWEST_QOS, PeerReader
+from smartmesh_ros.node.inputs.conversions import require_once
 from smartmesh_ros.node.outputs.diagnostics import task_status
 from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.settings import full_names
-from smartmesh_ros.node.refusals import LOG_PERIOD
+from smartmesh_ros.node.refusals import LOG_PERIOD, shortened
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.session import SERVICES
 
@@ -160,9 +161,10 @@ class Front(ParameterNode):
         async def answer(request: Any, response: Any) -> Any:
             refused = await act(asked(request))
             response.success = not refused
-            response.message = next(iter(refused.values()), "")
+            response.message = shortened(next(iter(refused.values()), ""))
             if refused and hasattr(response, "failures"):
-                response.failures = [BodyFailure(id=name, reason=reason) for name, reason in refused.items()]
+                failures = [(shortened(name), shortened(reason)) for name, reason in refused.items()]
+                response.failures = [BodyFailure(id=name, reason=reason) for name, reason in failures]
                 nothing = ", so nothing was changed" if kind is SpawnBodies else ""
                 response.message = f"{len(refused)} bodies are refused{nothing}: {response.message}"
             return response
@@ -173,8 +175,10 @@ class Front(ParameterNode):
         """Spawn all bodies, each on a node that the ledger chooses, or none."""
         chosen: dict[str, list[BodySpecification]] = {}
         refused: dict[str, str] = {}
+        counts = Counter(body.id for body in bodies)
         for body in bodies:
             try:
+                require_once(body.id, counts)
                 place = body.pose.position
                 chosen.setdefault(self.ledger.choose(body.id, place.x, place.y, body), []).append(body)
             except InputError as error:

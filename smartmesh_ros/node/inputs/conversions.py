@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from shape_msgs.msg import SolidPrimitive
 
-from smartmesh_ros.errors import InputError, listed
+from smartmesh_ros.errors import InputError, listed, require_body_name
 from smartmesh_ros.ground.body_shapes import link_names
 from smartmesh_ros.ground.quaternions import rotate
 from smartmesh_ros.ground.shapes import SHAPES, Shape, ShapeKind, Solid, shape_from, shape_of
@@ -98,11 +98,16 @@ def require_distinct(names: list[str]) -> None:
     """Raise `InputError` unless each body of a message has a name of its own."""
     seen: set[str] = set()
     for name in names:
-        if not name or "/" in name:
-            raise InputError("empty_id", f"{name!r} cannot name a body; a name is not empty and has no '/'")
+        require_body_name(name)
         if name in seen:
             raise InputError("duplicate_id", f"body {name!r} is in the message twice; names must be distinct")
         seen.add(name)
+
+
+def require_once(name: str, counts: Mapping[str, int]) -> None:
+    """Raise `InputError` if a call names a body more than once; ``counts``: how often, by name."""
+    if counts[name] > 1:
+        raise InputError("duplicate_id", f"{name!r} is named {counts[name]} times; name each body once")
 
 
 class RobotNames:

@@ -13,7 +13,7 @@ import yaml
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.validate_topic_name import validate_topic_name
 
-from smartmesh_ros.errors import InputError, suggestion
+from smartmesh_ros.errors import InputError, require_body_name, suggestion
 from smartmesh_ros.ground.quaternions import X, Y, Z, about, product
 from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Shape, Solid, shape_from
 from smartmesh_ros.ground.state import Quaternion, Vector
@@ -265,7 +265,6 @@ def entries_of(
 
 
 def _body(found: dict[str, Any]) -> str:
-    body = found["body"]
-    if type(body) not in (str, int) or not str(body) or "/" in str(body):
-        raise InputError("parameter", "the name of a body is a text, not empty, without '/'")
-    return str(body)
+    body = str(found["body"]) if type(found["body"]) is int else found["body"]
+    require_body_name(body)
+    return body

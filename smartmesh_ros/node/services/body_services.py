@@ -63,8 +63,8 @@ class BodyServices:
             response.message = action()
 
     async def _on_spawn_all(self, request: SpawnBodies.Request, response: SpawnBodies.Response) -> None:
-        world, added, told = self._session.world, [], []
-        tasks: list[tuple[str, Callable[[], Any]]] = []
+        world, added, told, counts = self._session.world, [], [], Counter(body.id for body in request.bodies)
+        tasks: dict[str, Callable[[], Any]] = {}
 
         def add(name: str, action: Callable[[], str]) -> None:
             told.append(action())
@@ -72,11 +72,12 @@ class BodyServices:
 
         for body in request.bodies:
             try:
-                tasks.append((body.id, partial(add, body.id, await self._ready(body))))
+                conversions.require_once(body.id, counts)
+                tasks[body.id] = partial(add, body.id, await self._ready(body))
             except REFUSED as error:
-                tasks.append((body.id, partial(_refuse, error)))
+                tasks[body.id] = partial(_refuse, error)
         with self._session.lock:
-            failures = _failures_of(tasks)
+            failures = _failures_of(tasks.items())
             left = _failures_of((name, partial(world.remove, name)) for name in added) if failures else []
         stay = f"but some were added and stay, because PyBullet failed: {', '.join(body.id for body in left)}"
         response.failures = failures
@@ -88,8 +89,7 @@ class BodyServices:
 
         def check(name: str) -> None:
             session.world.body(name)
-            if counts[name] > 1:
-                raise InputError("duplicate_id", f"{name!r} is named {counts[name]} times; name each body once")
+            conversions.require_once(name, counts)
 
         failures, outcome = _failures_of((name, partial(check, name)) for name in counts), NOTHING
         if not failures:

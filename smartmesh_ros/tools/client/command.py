@@ -91,8 +91,7 @@ class Caller:
 def spawn(caller: Caller, options: argparse.Namespace) -> str:
     """Spawn a body or a robot."""
     fields: dict[str, Any] = {"id": options.name, "mass": options.mass, "on_ground": options.z is None}
-    if options.z is None:
-        fields |= {"clearance": options.clearance, "align": options.align}
+    fields |= {"clearance": options.clearance, "align": options.align}
     chosen = [name for name in SHAPES if getattr(options, name) is not None]
     if options.urdf is not None:
         fields["urdf"] = text_of(options.urdf)

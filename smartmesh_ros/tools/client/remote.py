@@ -26,6 +26,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
+from smartmesh_ros.node.transport import publishers_on
 from smartmesh_ros.tools.client.ground import MAPS, Ground
 from smartmesh_ros.tools.client.patch import read_patches
 from smartmesh_ros.tools.client.sight import KINDS, Sight
@@ -93,7 +94,7 @@ class Remote:
         self._watched: set[str] = set()
         self._subscriptions: dict[str, tuple[Any, int]] = {}  # with the numbers of publishers
         self._no_maps_until = 0.0  # end of the pause in receiving whole maps [s]
-        self._runs: frozenset[Any] = frozenset()  # that `ground` and `sight` are of
+        self._runs: frozenset[bytes] = frozenset()  # that `ground` and `sight` are of
         self._forget()
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         self.node.create_subscription(Log, "/rosout", self._on_log, 50)
@@ -127,10 +128,9 @@ class Remote:
         return bool(self.node.count_publishers(f"{self.name}/{STATES}"))
 
     @property
-    def runs(self) -> frozenset[tuple[int, ...]]:
-        """A name of each run of the node that is discovered: one that was killed stays for seconds beside the next."""
-        publishers = self.node.get_publishers_info_by_topic(f"{self.name}/{STATES}")
-        return frozenset(tuple(publisher.endpoint_gid) for publisher in publishers)
+    def runs(self) -> frozenset[bytes]:
+        """A name of each run of the node that is discovered."""
+        return publishers_on(self.node, f"{self.name}/{STATES}")
 
     @property
     def missing(self) -> str:

@@ -20,7 +20,7 @@ from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.transport import LATCHED
 from smartmesh_ros.scenes import eight
-from smartmesh_ros.tools.demo.terrain_source import heightmap_message
+from smartmesh_ros.tools.demo.terrain_source import map_of
 
 NAME, ROBOT = "rover", "rover"
 SPECS = (
@@ -56,7 +56,7 @@ class Rover(ParameterNode):
         if not self._has_published:
             if self._maps.get_subscription_count() >= self._wanted:
                 header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._frame_id)
-                self._maps.publish(heightmap_message(header, self._ground.geometry, self._ground.heights))
+                self._maps.publish(map_of(header, self._ground.geometry, self._ground.heights))
                 self._has_published = True
         elif monotonic() >= self._call_at and self._spawner.service_is_ready():
             self._call_at = monotonic() + PATIENCE

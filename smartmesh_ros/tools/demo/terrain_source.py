@@ -19,6 +19,7 @@ from smartmesh_ros.scenes import SCENES
 from smartmesh_ros.scenes.moving import InwardWaves, Scene, Wave, jacksboro_fault
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.tools.evaluation.grounds import make_ground
+from smartmesh_ros.tools.testing import heightmap_message
 
 NAME = "terrain_source"
 # Maximum time between whole maps in region mode [s]; a late subscriber waits no longer for one.
@@ -68,7 +69,7 @@ class TerrainSource(ParameterNode):
         if self._mode == "full" or listeners > self._listeners or went_back or time >= self._full_due:
             self._full_due = time + FULL_PERIOD
             heights = self._scene.heights(time)
-            self._maps.publish(heightmap_message(header, self._scene.geometry, heights, self._tile))
+            self._maps.publish(map_of(header, self._scene.geometry, heights, self._tile))
         else:
             row, column, part = self._scene.changed(time)
             message = HeightmapUpdate(header=header, tile=self._tile, x=column, y=row, heights=floats(part))
@@ -77,16 +78,10 @@ class TerrainSource(ParameterNode):
         self._listeners, self._time = listeners, time
 
 
-def heightmap_message(header: Header, geometry: GridGeometry, heights: Any, tile: str = "") -> Heightmap:
+def map_of(header: Header, geometry: GridGeometry, heights: Any, tile: str = "") -> Heightmap:
     """Return heights (rows, columns) [m] as a message."""
-    message = Heightmap(header=header, tile=tile)
-    message.info.resolution = geometry.resolution
-    message.info.width, message.info.height = geometry.columns, geometry.rows
-    origin = message.info.origin
-    origin.position.x, origin.position.y, origin.position.z = geometry.origin
-    origin.orientation.z, origin.orientation.w = math.sin(0.5 * geometry.yaw), math.cos(0.5 * geometry.yaw)
-    message.heights = floats(heights)
-    return message
+    grid: dict[str, Any] = {"resolution": geometry.resolution, "origin": geometry.origin, "yaw": geometry.yaw}
+    return heightmap_message(heights, **grid, frame_id=header.frame_id, stamp=header.stamp, tile=tile)
 
 
 def make_scene(values: dict[str, Any]) -> Scene:
