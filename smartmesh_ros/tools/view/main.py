@@ -10,7 +10,6 @@ import math
 import sys
 from contextlib import closing, nullcontext
 from time import monotonic
-from typing import Any
 
 from rclpy.utilities import try_shutdown
 
@@ -57,7 +56,13 @@ def show(options: argparse.Namespace, stop: Stop) -> None:
     """Show a node until ``stop`` is asked for."""
     from smartmesh_ros.tools.view.page import Page
 
-    with closing(Remote("/" + options.node.strip("/"))) as remote, demo_of(remote, options.demo) as demo:
+    if options.demo:
+        from smartmesh_ros.tools.demo.demo import demo_running  # imports Matplotlib
+
+    with (
+        closing(Remote("/" + options.node.strip("/"))) as remote,
+        demo_running(remote) if options.demo else nullcontext() as demo,
+    ):
         stop.starting = False  # the page is ended in order
         with closing(Page(remote, options.host, options.port)) as page:
             print(f"{remote.name} is shown at {page.url}", flush=True)
@@ -74,12 +79,3 @@ def show(options: argparse.Namespace, stop: Stop) -> None:
                 if demo is not None and not stop.asked:
                     demo.require_nodes()
                     demo.drive()
-
-
-def demo_of(remote: Remote, wanted: bool) -> Any:
-    """Return the running demo as a context manager, of None if it is not ``wanted``."""
-    if not wanted:
-        return nullcontext()
-    from smartmesh_ros.tools.demo.demo import demo_running  # imports Matplotlib, which a view of a node does not need
-
-    return demo_running(remote)
