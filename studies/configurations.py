@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from smartmesh_ros import PhysicsConfig
-from smartmesh_ros.tools.replay.parameters import PRESETS, preset_folder, preset_values, settings_of
+from smartmesh_ros.tools.replay.parameters import PRESETS, preset_values, settings_of
 from studies.engines.engine import GroundSetup, build, missing
 from studies.report.config import ReportConfig
 
@@ -61,9 +61,8 @@ REPORT = (
 
 
 def _presets(engine: str) -> list[Configuration]:
-    """Return the parameter files that come with the package; none if they are not installed."""
-    names = () if preset_folder() is None else PRESETS
-    found = {name: settings_of(preset_values(name)).world.physics for name in names}
+    """Return the parameter files that come with the package."""
+    found = {name: settings_of(preset_values(name)).world.physics for name in PRESETS}
     return [
         Configuration(
             name=f"preset {name}", family="ours", engine=engine, options={"physics": physics}, rate=physics.rate

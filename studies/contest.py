@@ -17,7 +17,7 @@ import numpy as np
 from smartmesh_ros import InputError
 from smartmesh_ros.scenes.moving import Scene as MovingGround
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.tools.evaluation.measures import BoolArray, held_up, penetration
+from smartmesh_ros.tools.evaluation.measures import BoolArray, Penetration, held_up, penetration
 from studies.configurations import Configuration, Family
 from studies.engines.engine import Links
 from studies.pages import say
@@ -29,24 +29,17 @@ HORIZON = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Result:
-    """One configuration in one scene.
+class Result(Penetration):
+    """One configuration in one scene, with its penetration [m].
 
     ``cost`` [us]: processor time of update and step, per body and simulated second, median; ``spread``: its quartiles
-    [us]; ``update``: the ground's share of it [us], NaN = not told apart. Then `Penetration`'s figures [m]; deviation
-    from the reference after one second, median and largest over the bodies [m], NaN = none; ``note``: why it
-    did not run, or not long; ``family`` of its configuration.
+    [us]; ``update``: the ground's share of it [us]; deviation from the reference after one second, median and largest
+    over the bodies [m], NaN = none; ``note``: why it did not run, or not long; ``family`` of its configuration.
     """
 
     cost: float = math.nan
     spread: tuple[float, float] = (math.nan, math.nan)
     update: float = math.nan
-    p50: float = math.nan
-    p99: float = math.nan
-    most: float = math.nan
-    hover: float = math.nan
-    lost: int = 0
-    bodies: int = 0
     deviation: float = math.nan
     most_deviation: float = math.nan
     note: str = ""
@@ -75,8 +68,6 @@ class Contest(ABC):
     pieces: int
     timed_from: float = 0.0
     patience: ClassVar[float]
-    # True = the result tells the update's share of the cost.
-    tells_update: ClassVar[bool] = True
 
     def __init__(self, scene: Any, ground: MovingGround, bodies: int) -> None:
         self.scene, self.bodies = scene, bodies
@@ -199,7 +190,7 @@ def _result(contest: Contest, runner: Runner, reference: FloatArray | None) -> R
     found = penetration(clearance[measured], lost[measured], held[measured])
     times = 1e6 / contest.bodies * np.array(runner.times)
     low, middle, high = np.percentile(times.sum(axis=1), (25, 50, 75)).tolist()
-    more: dict[str, Any] = {"update": float(np.median(times[:, 0]))} if contest.tells_update else {}
+    more: dict[str, Any] = {"update": float(np.median(times[:, 0]))}
     if reference is not None and HORIZON in runner.samples:
         apart = np.linalg.norm(runner.samples[HORIZON].links.centres - reference, axis=1)
         more |= {"deviation": float(np.median(apart)), "most_deviation": float(apart.max())}

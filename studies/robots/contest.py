@@ -164,7 +164,6 @@ class RobotContest(Contest):
     scene: RobotScene
     pieces = 8
     patience: ClassVar[float] = 6.0
-    tells_update: ClassVar[bool] = False
 
     def __init__(self, scene: RobotScene) -> None:
         super().__init__(scene, scene.ground, len(STARTS))

@@ -12,7 +12,6 @@ smartmesh status                                     # what the diagnostics say
 from __future__ import annotations
 
 import argparse
-import importlib
 import math
 import sys
 from collections.abc import Callable
@@ -41,6 +40,7 @@ from smartmesh_ros.tools.client.parameters import parameter_from
 from smartmesh_ros.tools.client.remote import BEST, Remote, colliders
 from smartmesh_ros.tools.client.robot_text import text_of
 from smartmesh_ros.tools.client.sight import KINDS
+from smartmesh_ros.tools.replay.bag import class_of
 
 SHAPES = {
     "sphere": (SolidPrimitive.SPHERE, ("RADIUS",)), "box": (SolidPrimitive.BOX, ("X", "Y", "Z")),
@@ -146,12 +146,7 @@ def echo(caller: Caller, options: argparse.Namespace) -> str:
         types = caller.wait_for(lambda: known().get(full), f"topic {full}")
     except InputError as error:
         raise InputError("timeout", f"{error}{suggestion(full, known())}") from None
-    package, middle, name = types[0].split("/")
-    try:
-        kind = getattr(importlib.import_module(f"{package}.{middle}"), name)
-    except (ModuleNotFoundError, AttributeError):
-        raise InputError("missing", f"{types[0]} cannot be imported; source the workspace that has it") from None
-    came = caller.messages(full, kind)
+    came = caller.messages(full, class_of(types[0]))
     while True:
         for message in came[:1] if options.once else came:
             print(yaml.safe_dump(plain(message), sort_keys=False, default_flow_style=None, width=120), end="---\n")

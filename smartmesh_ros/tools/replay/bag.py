@@ -157,9 +157,8 @@ def class_of(name: str) -> Any:
     try:
         return getattr(importlib.import_module(f"{package}.{middle}"), message)
     except (ModuleNotFoundError, AttributeError):
-        raise InputError(
-            "missing", f"{name} is not installed; apt install ros-jazzy-{package.replace('_', '-')}"
-        ) from None
+        debian = f"ros-jazzy-{package.replace('_', '-')}"
+        raise InputError("missing", f"{name} is not installed; source its workspace, or apt install {debian}") from None
 
 
 def recorded(topic: str, time: float, message: Any) -> Record:
