@@ -90,9 +90,7 @@ tune:  ## parameters for a budget, on a scene that ships: SOURCE=stairs or a bag
 	@$(RUN) replay -- install/smartmesh_ros/lib/smartmesh_ros/tune $(or $(SOURCE),waves_w04_maps_20) $(ARGS)
 
 tuning:  ## the table of docs/tuning.md: three scenes and a bag of the demo, about five minutes
-	@rm -rf out/demo_bag
-	@$(RUN) replay -- python scripts/make_demo_bag.py out/demo_bag
-	@$(RUN) replay -- $(STUDIES) tuning --bag out/demo_bag --params-file out/demo_bag.yaml
+	@$(RUN) replay -- $(STUDIES) tuning
 
 fuzz:  ## 120,000 spoilt messages for every topic, service and parameter (half an hour)
 	@$(RUN) dev -- python -m tests.fuzz.run --jobs 2

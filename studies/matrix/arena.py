@@ -56,8 +56,6 @@ class Arena:
         self.geometry = square(size, resolution)
         if isinstance(ground, Scene):
             self.ground, self.geometry = ground, ground.geometry
-        elif callable(ground):
-            self.ground = Rigid(self.geometry, lambda x, y: ground(np.float64(x), np.float64(y)))
         else:
             named = isinstance(ground, dict)
             self.ground = make_ground(self.geometry, **ground) if named else Rigid(self.geometry, ground)

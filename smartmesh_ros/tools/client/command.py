@@ -79,7 +79,7 @@ class Caller:
 
     def call(self, service: str, **fields: Any) -> str:
         """Call a service of the node; return what it says on success."""
-        client = self.remote.client(service)
+        client = self.remote.clients[service]
         self.wait_for(client.service_is_ready, f"service {client.srv_name}")
         future = client.call_async(client.srv_type.Request(**fields))
         self.wait_for(future.done, f"answer of {client.srv_name}")

@@ -12,7 +12,7 @@ import argparse
 import math
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from pathlib import Path
 from time import monotonic
@@ -58,12 +58,12 @@ START_TIMEOUT = 60.0  # [s]
 
 
 class Demo:
-    """Spawns bodies, drives the robot and tells the state, over a ``remote`` of the collider. ``nodes``: processes that
-    must run, by name."""
+    """Spawns bodies, drives the robot and tells the state, over a ``remote`` of the collider and its ``caller``.
+    ``nodes``: processes that must run, by name."""
 
     def __init__(self, remote: Remote, nodes: Mapping[str, subprocess.Popen[bytes]]) -> None:
         self._nodes = nodes
-        self.remote, self._caller = remote, Caller(remote, START_TIMEOUT)
+        self.remote, self.caller = remote, Caller(remote, START_TIMEOUT)
         self._commands = remote.node.create_publisher(JointState, f"{remote.name}/joint_commands", 10)
 
     @property
@@ -85,14 +85,10 @@ class Demo:
             bodies={name: pose.position for name, pose in sight.poses.items()},
         )  # fmt: skip
 
-    def wait_for(self, condition: Callable[[], Any], what: str) -> None:
-        """Spin until the condition holds. Raises `InputError`, which names ``what``."""
-        self._caller.wait_for(condition, what)
-
     def spawn_all(self) -> None:
         """Spawn two dozen bodies of three shapes in rings, and a wheeled robot."""
         # Bodies spawned before the node has a map would fall, and be below the ground when the map arrives.
-        self.wait_for(lambda: self.remote.tasks and int(self._value("terrain", "tiles")), "map in the node")
+        self.caller.wait_for(lambda: self.remote.tasks and int(self._value("terrain", "tiles")), "map in the node")
         for index in range(BODIES):
             angle = 2.0 * math.pi * index / BODIES
             reach = 5.0 + 2.0 * (index % 3)
@@ -138,7 +134,7 @@ class Demo:
 
     def _spawn(self, name: str, x: float, y: float, clearance: float, **what: Any) -> None:
         pose = Pose(position=Point(x=x, y=y))
-        self._caller.call("spawn_body", id=name, mass=5.0, pose=pose, on_ground=True, clearance=clearance, **what)
+        self.caller.call("spawn_body", id=name, mass=5.0, pose=pose, on_ground=True, clearance=clearance, **what)
 
 
 @contextmanager
@@ -225,7 +221,7 @@ def run(seconds: float) -> tuple[list[Frame], int, dict[str, int]]:
             remote.node.create_subscription(
                 MarkerArray, f"{remote.name}/patches", lambda _: came.update(["patches"]), 10, raw=True
             )
-            demo.wait_for(lambda: all(demo.counts.values()), "message on some output")
+            demo.caller.wait_for(lambda: all(demo.counts.values()), "message on some output")
             return *watch(demo, seconds), demo.counts
     except InputError as error:
         sys.exit(f"demo failed: {error}")
