@@ -13,7 +13,7 @@ STUDIES = {
     "tracks": "soil.rut_pictures:drive_tracks", "soak": "load.soak", "tuning": "tuning",
 }  # fmt: skip
 # Those with options.
-OWN = ("accuracy", "docs-check", "load", "robots", "soak", "soil")
+OWN = ("accuracy", "load", "robots", "soak", "soil")
 
 
 def main() -> None:

@@ -18,6 +18,7 @@ from smartmesh_ros import InputError
 from smartmesh_ros.scenes.moving import Scene as MovingGround
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.measures import BoolArray, Penetration, held_up, penetration
+from smartmesh_ros.tools.tune.figures import FLOOR
 from studies.configurations import Configuration, Family
 from studies.engines.engine import Links
 from studies.pages import say
@@ -196,9 +197,6 @@ def _result(contest: Contest, runner: Runner, reference: FloatArray | None) -> R
         more |= {"deviation": float(np.median(apart)), "most_deviation": float(apart.max())}
     return Result(cost=middle, spread=(low, high), **asdict(found), **more, note=runner.note)
 
-
-# Distances and deviations below this count as none [m]. Bodies at rest in PyBullet overlap by half of it.
-FLOOR = 2e-5
 
 Measure = Literal["distance", "deviation"]
 

@@ -47,13 +47,9 @@ def _measure(
     less than a cell from frame to frame; the worst case teleports between two corners."""
     geometry = GridGeometry(rows=side, columns=side, resolution=RESOLUTION)
     extent = (side - 1) * RESOLUTION
-    average, worst = (
-        Frames(np.array([place, place, 0.0]) for place in places)
-        for places in (
-            ((0.3 * extent + frame * 0.4 * RESOLUTION) % extent for frame in count(1)),
-            cycle((0.999 * extent, 0.001 * extent)),
-        )
-    )
+    diagonal = np.array([1.0, 1.0, 0.0])
+    average = Frames((0.3 * extent + frame * 0.4 * RESOLUTION) % extent * diagonal for frame in count(1))
+    worst = Frames(cycle((0.999 * extent * diagonal, 0.001 * extent * diagonal)))
     bench.time((what, "brute_force", side), lambda: brute_force(average.now), average.next)
     for walk, suffix in ((average, ""), (worst, "_worst")):
         found = [brute_force(walk.now)]

@@ -4,10 +4,9 @@ engines."""
 import logging
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
 from time import process_time, thread_time
 from timeit import Timer
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pybullet as pb
@@ -37,8 +36,7 @@ DRIVING = np.array([0.8, 0.6])
 CASES = ("still", "driving", "moving")
 
 
-@dataclass(frozen=True)
-class Crowd:
+class Crowd(NamedTuple):
     """Bodies of one kind, or robots."""
 
     kind: str
