@@ -229,7 +229,7 @@ def say(service: str, **fields: Any) -> Callable[[Caller, argparse.Namespace], s
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    made = Parser("smartmesh", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    made = Parser("smartmesh", description=__doc__)
     made.add_argument("--node", default="/terrain_collider", help="full name of the node (%(default)s)")
     patience = number(float, 0.0, math.inf)
     made.add_argument("--timeout", type=patience, default=10.0, help="longest wait for it [s] (%(default)s)")

@@ -8,7 +8,6 @@ ground, which moves in real time, then jumps under the simulated bodies.
 
 from __future__ import annotations
 
-import argparse
 import math
 import subprocess
 import sys
@@ -29,7 +28,7 @@ from visualization_msgs.msg import MarkerArray
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.running import Stop, init
 from smartmesh_ros.scenes.eight import robot_file
-from smartmesh_ros.startup.arguments import make_folder, number
+from smartmesh_ros.startup.arguments import Parser, make_folder, number
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.client.command import Caller
@@ -186,7 +185,7 @@ def watch(demo: Demo, seconds: float) -> tuple[list[Frame], int]:
 
 def main(args: list[str] | None = None) -> None:
     """Run the demo."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__)
     seconds = number(float, 0.1, 3600.0)
     parser.add_argument("--seconds", type=seconds, default=15.0, help="duration of the recording (%(default)s)")
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder of the pictures (%(default)s)")

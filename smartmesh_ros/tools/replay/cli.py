@@ -18,6 +18,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.startup.arguments import Parser
 from smartmesh_ros.startup.remappings import refuse_expanded
 from smartmesh_ros.tools.replay.bag import Bag
 from smartmesh_ros.tools.replay.parameters import read_parameters
@@ -62,9 +63,7 @@ def ended(
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    found = argparse.ArgumentParser(
-        prog="replay", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    found = Parser("replay", description=__doc__)
     found.add_argument("bag", metavar="BAG", type=Path, help="a recorded bag")
     add_node_arguments(found)
     found.add_argument("-o", "--output", type=Path, metavar="OUT.mcap", help="file for the outputs (none)")

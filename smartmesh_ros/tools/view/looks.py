@@ -56,18 +56,15 @@ def patch_look(kind: str, stride: float) -> PatchLook:
 
 
 def shape_mesh(kind: int, dimensions: tuple[float, ...]) -> Any:
-    """Return the mesh of a primitive shape of BodyDescription with its ``dimensions`` [m], with separate vertices on
-    either side of each sharp edge, so that shading is not smoothed there. Not for robots."""
+    """Return the mesh of a primitive shape of BodyDescription with its ``dimensions`` [m]. Not for robots."""
     make: Any = trimesh.creation
     if kind == BodyDescription.BOX:
-        found = make.box(dimensions)
-    elif kind == BodyDescription.CYLINDER:
-        found = make.cylinder(height=dimensions[0], radius=dimensions[1], sections=SECTIONS)
-    elif kind == BodyDescription.CAPSULE:
-        found = make.capsule(height=dimensions[0], radius=dimensions[1], count=(SECTIONS, SECTIONS))
-    else:
-        found = make.uv_sphere(dimensions[0], count=(SECTIONS // 2, SECTIONS))
-    return trimesh.graph.smooth_shade(found, angle=math.radians(40.0))
+        return make.box(dimensions)
+    if kind == BodyDescription.CYLINDER:
+        return make.cylinder(height=dimensions[0], radius=dimensions[1], sections=SECTIONS)
+    if kind == BodyDescription.CAPSULE:
+        return make.capsule(height=dimensions[0], radius=dimensions[1], count=(SECTIONS, SECTIONS))
+    return make.uv_sphere(dimensions[0], count=(SECTIONS // 2, SECTIONS))
 
 
 def body_colours(kind: int, tracked: bool, asleep: list[bool]) -> NDArray[np.uint8]:
@@ -75,6 +72,11 @@ def body_colours(kind: int, tracked: bool, asleep: list[bool]) -> NDArray[np.uin
     own = np.array(TRACKED if tracked else BODY_COLOURS.get(kind, TRACKED))
     grey = (1.0 - GREYNESS) * own + GREYNESS * np.array(ASLEEP)
     return np.rint(np.where(np.array(asleep)[:, None], grey, own)).astype(np.uint8)
+
+
+def with_edges(mesh: Any) -> Any:
+    """Return a mesh with separate vertices on either side of each sharp edge, so that shading is not smoothed there."""
+    return trimesh.graph.smooth_shade(mesh, angle=math.radians(40.0))
 
 
 def arrows(contacts: FloatArray, length: float) -> FloatArray:

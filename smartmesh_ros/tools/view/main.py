@@ -16,7 +16,7 @@ from rclpy.utilities import try_shutdown
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.helping import own_arguments
 from smartmesh_ros.node.running import Stop, init
-from smartmesh_ros.startup.arguments import number
+from smartmesh_ros.startup.arguments import Parser, number
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.tools.client.remote import Remote
 
@@ -27,7 +27,7 @@ PATIENCE = 3.0
 def main(args: list[str] | None = None) -> None:
     """Run the view until SIGINT or SIGTERM."""
     given = sys.argv if args is None else ["view", *args]
-    parser = argparse.ArgumentParser("view", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser("view", description=__doc__)
     parser.add_argument("--node", default="/terrain_collider", help="full name of the node (%(default)s)")
     parser.add_argument("--host", default="localhost", help="address to listen on; 0.0.0.0 = all (%(default)s)")
     port, rate = number(int, 0, 65535), number(float, 1.0, 100.0)

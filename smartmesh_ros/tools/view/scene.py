@@ -87,7 +87,7 @@ class Scene:
             colours = looks.body_colours(kind, tracked, [name in sight.asleep for name in names])
             batch = self._bodies.get(shape)
             if batch is None or len(batch.batched_positions) != len(names):
-                mesh = looks.shape_mesh(kind, dimensions)
+                mesh = looks.with_edges(looks.shape_mesh(kind, dimensions))
                 sizes = "_".join(f"{value:g}" for value in dimensions)
                 batch = self._bodies[shape] = self._scene.add_batched_meshes_simple(
                     f"/bodies/{kind}_{sizes}{'_tracked' * tracked}", mesh.vertices, mesh.faces, turns,
