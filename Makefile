@@ -4,7 +4,7 @@ export PYTHON
 RUN := scripts/workspace run
 STUDIES := python -m studies
 
-.PHONY: help demo view pictures renders docs test lint docs-check prepare fleet fleet-study bench studies robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover height-scan friction tracks laws records replay-speed
+.PHONY: help demo view pictures renders docs test lint docs-check prepare fleet fleet-study bench studies robots load soak tune tuning fuzz contacts sanitize clean soil rover height-scan friction tracks laws records replay-speed
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -58,9 +58,6 @@ records:  ## terrain tax, touchdown and size of cells, beside other engines (abo
 
 robots:  ## robots on rough and moving ground, beside other engines (about seven minutes; ARGS=--quick: two)
 	@$(RUN) studies -- $(STUDIES) robots $(ARGS)
-
-start-study:  ## from a node's command to its first answer, and its memory (a minute; on a machine with nothing to do)
-	@$(RUN) -- python scripts/start_study.py $(ARGS)
 
 friction:  ## boxes slide on ice beside gravel, against v^2 / (2 mu g): docs/images/friction.png
 	@$(RUN) -- $(STUDIES) friction

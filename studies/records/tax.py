@@ -4,9 +4,10 @@ engines."""
 import logging
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import dataclass
 from time import process_time, thread_time
 from timeit import Timer
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pybullet as pb
@@ -36,7 +37,8 @@ DRIVING = np.array([0.8, 0.6])
 CASES = ("still", "driving", "moving")
 
 
-class Crowd(NamedTuple):
+@dataclass(frozen=True)
+class Crowd:
     """Bodies of one kind, or robots."""
 
     kind: str
