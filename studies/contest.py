@@ -234,12 +234,11 @@ def pareto_front(results: Mapping[str, Result], measures: tuple[Measure, ...] | 
     by cost, without results that lost bodies."""
     chosen = measures_of(results) if measures is None else measures
     points = {name: (one.cost, *(MEASURES[by](one) for by in chosen)) for name, one in lasting(results).items()}
-    front = [
-        name
-        for name, point in points.items()
-        if not any(other != point and all(np.less_equal(other, point)) for other in points.values())
-    ]
-    return sorted(front, key=lambda name: points[name])
+
+    def is_beaten(point: tuple[float, ...]) -> bool:
+        return any(other != point and all(np.less_equal(other, point)) for other in points.values())
+
+    return sorted((name for name in points if not is_beaten(points[name])), key=points.__getitem__)
 
 
 def only_by(results: Mapping[str, Result]) -> dict[str, str]:
@@ -257,14 +256,11 @@ def only_by(results: Mapping[str, Result]) -> dict[str, str]:
 def beyond_all(ours: Mapping[str, Result], rivals: Mapping[str, Result]) -> list[str]:
     """Return rivals that are both faster and more accurate than all of our results: in the distance from the ground
     and, if it was measured, in the deviation from the reference."""
-    return [
-        name
-        for name, rival in lasting(rivals).items()
-        if all(
-            rival.cost < own.cost and distance_of(rival) < distance_of(own) and not rival.deviation > own.deviation
-            for own in ours.values()
-        )
-    ]
+
+    def beats(rival: Result, own: Result) -> bool:
+        return rival.cost < own.cost and distance_of(rival) < distance_of(own) and not rival.deviation > own.deviation
+
+    return [name for name, rival in lasting(rivals).items() if all(beats(rival, own) for own in ours.values())]
 
 
 def cheapest_as_accurate(
@@ -272,9 +268,9 @@ def cheapest_as_accurate(
 ) -> str | None:
     """Return the cheapest of the results that are at most so far from the ground and from the reference [m] and lost no
     bodies, None = there is none."""
-    good = {
-        name: one.cost
+    good = [
+        (one.cost, name)
         for name, one in lasting(results).items()
         if distance_of(one) <= distance and deviation_of(one) <= deviation
-    }
-    return min(good, key=lambda name: (good[name], name), default=None)
+    ]
+    return min(good, default=(math.inf, None))[1]
