@@ -67,6 +67,15 @@ def surface_of(shape: Shape) -> np.ndarray:
     return np.asarray(shape.radius * ball + 0.5 * away * np.sign(z)[:, None] * [0.0, 0.0, 1.0])
 
 
+def reach(shape: Shape, n: np.ndarray) -> float:
+    """How far a shape reaches from its middle along a unit vector in its frame [m]."""
+    if isinstance(shape, Box):
+        return float(0.5 * np.abs(n) @ (shape.x, shape.y, shape.z))
+    if isinstance(shape, Cylinder):
+        return shape.radius * math.hypot(n[0], n[1]) + 0.5 * shape.height * abs(n[2])
+    return shape.radius + (0.5 * shape.height * abs(n[2]) if isinstance(shape, Capsule) else 0.0)
+
+
 @cache
 def below_high_ground() -> tuple[Any, Ground, int]:
     """A client with a body and ground of 1024 m, for tests that ask how far it is lifted out of it."""

@@ -73,13 +73,18 @@ def world() -> Iterator[World]:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Sort files by cost: those that take longest start first, so that no core waits for another at the end, and tests
-    of nodes, which wait, run beside tests that compute."""
+    """Sort files by cost: those that take longest start first, so that no core waits for another at the end. Of the
+    others, files with tests of nodes, which wait, are spread among those that compute: one after the other, they would
+    have all processes wait at a time, and no core compute."""
+    kinds: dict[bool, list[Path]] = {True: [], False: []}
+    for path in dict.fromkeys(item.path for item in items):
+        kinds["node" in path.relative_to(ROOT).parts].append(path)
+    places = {path: place / len(paths) for paths in kinds.values() for place, path in enumerate(paths)}
 
-    def cost(item: pytest.Item) -> int:
-        return COSTS.get(item.path.relative_to(ROOT / "tests").as_posix(), 0)
+    def order(item: pytest.Item) -> tuple[int, float]:
+        return -COSTS.get(item.path.relative_to(ROOT / "tests").as_posix(), 0), places[item.path]
 
-    items.sort(key=cost, reverse=True)
+    items.sort(key=order)
 
 
 def pytest_collection_finish() -> None:

@@ -1,6 +1,6 @@
 """Bodies on triangle meshes of any form rest on what the mesh is."""
 
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
@@ -62,23 +62,23 @@ class GroundWorld(World):
         return np.array(self.state(body).position)
 
 
-@pytest.mark.parametrize("speed", [0.5, 5.0, 20.0, 40.0, 100.0])
+@pytest.mark.parametrize("speed", [0.5, 20.0, 100.0])
 @pytest.mark.parametrize("form", ["map", "sheet", "soup", "blocks", "table"])
 def test_what_falls_stops_at_the_surface(form: str, speed: float) -> None:
     sheet = mesh_parts.sheet(8.0, 31)
     table = mesh_parts.joined(mesh_parts.box((-4.0, -4.0, -0.05), (4.0, 4.0, 0.0)), mesh_parts.sheet(8.0, 1))
     table[0][8:, 2] = -1.0
     meshes = {"sheet": sheet, "soup": mesh_parts.soup(sheet), "blocks": mesh_parts.blocks(6, 0.0, 1.0), "table": table}
-    for shape, turn, height in RESTS:
-        with GroundWorld(level(201, 0.05) if form == "map" else TriangleMesh(*meshes[form])) as world:
-            places = [(x, 0.3 * x, height + 0.5) for x in (0.1, 1.2, 2.1)]
-            bodies = [world.add(shape, place, (0.0, 0.0, -speed), turn=turn) for place in places]
-            lowest = np.inf
-            for _ in range(240):
-                world.run(STEP)
-                lowest = min(lowest, *(world.position(body)[2] - height for body in bodies))
-            assert lowest > -1e-4
-            np.testing.assert_allclose([world.position(body)[2] for body in bodies], height, atol=RESTING)
+    with GroundWorld(level(201, 0.05) if form == "map" else TriangleMesh(*meshes[form])) as world:
+        heights = {}
+        for (shape, turn, height), x in product(RESTS, (0.1, 1.2, 2.1)):
+            body = world.add(shape, (x, 0.3 * x, height + 0.5), (0.0, 0.0, -speed), turn=turn)
+            heights[body] = height
+        world.let_pass()
+        for _ in range(240):
+            world.run(STEP)
+            assert min(world.position(body)[2] - height for body, height in heights.items()) > -1e-4
+        np.testing.assert_allclose([world.position(body)[2] for body in heights], [*heights.values()], atol=RESTING)
 
 
 @pytest.mark.parametrize("floor", ["map", "mesh"])
@@ -90,16 +90,18 @@ def test_bodies_rest_on_a_table_and_under_it_as_the_ground_says(thickness: float
     ground: Any = TriangleMesh(*mesh_parts.joined(mesh_parts.sheet(6.0, 1), top))
     if floor == "map":
         ground = terrain_of(floor=level(61), table=TriangleMesh(*top))
-    for shape, turn, height in RESTS:
-        with GroundWorld(ground) as world:
-            places = [(0.1, 0.05, 0.6), (0.05, 0.1, 0.0), (1.5, 0.0, 0.0)]
-            bodies = [world.add(shape, (x, y, z + height + 0.02), turn=turn) for x, y, z in places]
-            world.run(4.0)
-            centres = np.array([world.position(body) for body in bodies])
-            below = world.ground.at(centres, world.time).z
-            np.testing.assert_allclose(below, (0.6, 0.0, 0.0), atol=1e-9)
-            np.testing.assert_allclose(centres[:, 2] - height, below, atol=RESTING)
-            assert world.rescues == 0
+    with GroundWorld(ground) as world:
+        known = []
+        for (shape, turn, height), (x, y, z) in product(RESTS, [(0.1, 0.05, 0.6), (0.05, 0.1, 0.0), (1.5, 0.0, 0.0)]):
+            world.add(shape, (x, y, z + height + 0.02), turn=turn)
+            known.append((height, z))
+        world.let_pass()
+        world.run(4.0)
+        centres, (heights, floors) = np.array([world.position(body) for body in world.bodies]), np.transpose(known)
+        below = world.ground.at(centres, world.time).z
+        np.testing.assert_allclose(below, floors, atol=1e-9)
+        np.testing.assert_allclose(centres[:, 2] - heights, below, atol=RESTING)
+        assert world.rescues == 0
 
 
 def rough(kind: type, rng: np.random.Generator, scale: float, size: int) -> HeightMap | TriangleMesh:

@@ -40,6 +40,21 @@ def test_cargo_rides_on_a_robot_that_drives_and_turns() -> None:
         assert math.hypot(*world.state("husky").position[:2]) > 1.0
 
 
+def test_what_lay_on_the_deck_of_a_robot_sleeps_on_the_ground_once_the_deck_is_taken_away() -> None:
+    terrain = Terrain(level(81, 0.5))
+    terrain.put("bed", Deck(level(9, 0.1), thickness=0.2))
+    with world_of(terrain, friction=0.9) as world:
+        world.spawn_robot("husky", HUSKY, BodyState((0.0, 0.0, 0.15)))
+        world.carry("bed", Carrier("husky", position=(0.0, 0.0, 0.45)))
+        world.spawn("cargo", Box(0.3, 0.3, 0.2), 20.0, BodyState((0.0, 0.0, 0.72)))
+        world.step(240)
+        assert world.state("cargo").position[2] > 0.5
+        terrain.remove("bed")
+        world.remove("husky")
+        world.step(720)
+        assert world.is_asleep("cargo")
+
+
 def test_a_rover_drives_from_a_rolling_deck_over_a_ramp_onto_ground_at_rest() -> None:
     """A ramp of the deck leads down to its end, which lies on the quay, on the axis about which the deck pitches."""
     x = np.arange(0.0, 6.01, 0.1)

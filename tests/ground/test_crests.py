@@ -13,7 +13,7 @@ from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.ground.config import set_up
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
-from tests.bodies import rotation
+from tests.bodies import reach, rotation
 from tests.grounds import end_of, level, world_of
 
 RATE = 240.0
@@ -135,14 +135,8 @@ def test_boxes_of_any_size_come_to_rest_on_a_face(size: float, cell: float) -> N
 
 
 def lowest(shape: Shape, state: BodyState) -> float:
-    """Returns the height of the lowest point of a box or cylinder [m]."""
-    up = rotation(state.orientation)[2]
-    if isinstance(shape, Box):
-        reach = 0.5 * np.abs(up) @ (shape.x, shape.y, shape.z)
-    else:
-        assert isinstance(shape, Cylinder)
-        reach = shape.radius * np.hypot(up[0], up[1]) + 0.5 * shape.height * abs(up[2])
-    return float(state.position[2] - reach)
+    """Returns the height of the lowest point of a body [m]."""
+    return state.position[2] - reach(shape, rotation(state.orientation)[2])
 
 
 # Shapes, their distance [m], and how deep they may be [m] for how many steps. An impact at one end of a thin part

@@ -1,5 +1,6 @@
 """Bodies are attached to the ground of a client, which has one at a time."""
 
+from collections.abc import Callable
 from typing import Any
 
 import pybullet as pb
@@ -85,15 +86,19 @@ def test_a_client_has_one_ground_at_a_time(client: Any) -> None:
     require_standing(client, Ground(client, level()))
 
 
-def test_a_client_that_was_reset_is_named_and_takes_a_new_ground(client: Any) -> None:
+def test_a_client_that_was_reset_is_named_in_each_refusal_and_takes_a_new_ground(client: Any) -> None:
     ground = ground_of(client, level(), put(client, BALL, START))
     ground.show()
     client.stepSimulation()
     client.resetSimulation()
     ball = put(client, BALL, (1.0, 0.0, 0.5))
-    for call in (lambda: ground.step(DT, DT), ground.show, lambda: ground.attach(ball)):
-        with pytest.raises(InputError, match=r"PyBullet client was reset.*make another"):
-            call()
+    asked: tuple[Callable[[], object], ...] = (
+        lambda: ground.attach(ball), lambda: ground.step(DT, DT), lambda: ground.clock, lambda: ground.rescues,
+        lambda: ground.is_asleep(0), lambda: ground.find_patches(0.0), ground.show,
+    )  # fmt: skip
+    for ask in asked:
+        with pytest.raises(InputError, match="client was reset or closed: close this ground, and make another"):
+            ask()
     assert client.getNumBodies() == 1
     client.stepSimulation()
     ground.close()

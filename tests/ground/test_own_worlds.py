@@ -1,7 +1,6 @@
 """Grounds in PyBullet worlds of a user's own: bodies as PyBullet makes and changes them, and grounds that end."""
 
 import gc
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,6 @@ import pybullet as pb
 import pytest
 
 from smartmesh_ros import Ground, Sphere
-from smartmesh_ros.errors import InputError
 from tests.bodies import ground_of, height, put, run
 from tests.grounds import level
 from tests.memory import allocated
@@ -55,20 +53,6 @@ def test_a_body_that_pybullet_keeps_from_the_ground_falls_through_it(client: Any
 def test_what_is_not_attached_is_not_asleep(client: Any) -> None:
     ground = ground_of(client, level())
     assert not ground.is_asleep(put(client, BALL, (0.0, 0.0, 0.3))) and not ground.is_asleep(99)
-
-
-def test_a_ground_whose_client_was_reset_refuses_what_needs_it_and_says_why(client: Any) -> None:
-    ground = ground_of(client, level(), put(client, BALL, (0.0, 0.0, 0.3)))
-    client.resetSimulation()
-    ball = put(client, BALL, (0.0, 0.0, 0.3))
-    asked: tuple[Callable[[], object], ...] = (
-        lambda: ground.attach(ball), lambda: ground.step(0.0, 1.0 / 240.0), lambda: ground.clock,
-        lambda: ground.rescues, lambda: ground.is_asleep(0), lambda: ground.find_patches(0.0),
-    )  # fmt: skip
-    for ask in asked:
-        with pytest.raises(InputError, match="was reset or closed: close this ground, and make another"):
-            ask()
-    assert client.getNumBodies() == 1
 
 
 def test_a_ground_that_was_dropped_leaves_nothing_in_the_way_of_bodies_and_rays(client: Any) -> None:

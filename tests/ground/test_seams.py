@@ -1,5 +1,7 @@
 """Ground in two pieces, of maps, meshes and decks that are flush, is touched as the same ground in one."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -44,9 +46,15 @@ def ride(terrain: Terrain, body: Body, form: Form = LEVEL, friction: float = 0.0
     return np.array(found)
 
 
+@cache
+def ride_on_one(body: Body, form: Form, *more: float) -> FloatArray:
+    """The same on a single map."""
+    return ride(pieces(form, a_map), body, form, *more)
+
+
 def apart(parts: tuple[Piece, Piece], body: Body, form: Form = LEVEL, *more: float) -> FloatArray:
     """How far a body on two pieces is from one on a single map, after each step [m]."""
-    return np.abs(ride(pieces(form, *parts), body, form, *more) - ride(pieces(form, a_map), body, form, *more)).max(1)
+    return np.abs(ride(pieces(form, *parts), body, form, *more) - ride_on_one(body, form, *more)).max(1)
 
 
 @pytest.mark.parametrize("form", FORMS.values(), ids=FORMS)

@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from rcl_interfaces.msg import Parameter, ParameterValue
-from rcl_interfaces.srv import SetParameters
 from smartmesh_msgs.msg import BodySpecification, Heightmap, Timing, TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
@@ -175,13 +173,3 @@ def test_a_front_of_no_nodes_is_refused_with_what_would_be_right(empty: list[str
     right = r"nodes is \[\]; .* such as /fleet/node_0/terrain_collider"
     with pytest.raises(InputError, match=right), made_with(Front, {"nodes": empty}):
         pass
-
-
-def test_a_front_goes_on_after_a_parameter_without_a_type(probe: Probe) -> None:
-    with Process("fleet_front", {"nodes": NODES}) as front:
-        setter = probe.node.create_client(SetParameters, "/fleet/set_parameters")
-        probe.wait_for(setter.service_is_ready)
-        setter.call_async(SetParameters.Request(parameters=[Parameter(name="timeout", value=ParameterValue(type=77))]))
-        probe.wait_for(lambda: "rclpy refused: " in front.output or front.process.poll() is not None)
-        assert front.process.poll() is None, front.output
-        assert not probe.call("/fleet/remove_body", RemoveBody, id="nobody").success

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pybullet_data
 import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseArray
@@ -23,7 +22,6 @@ from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.testing import assert_cannot_start, floats, heightmap_message, layer_message, pose_message
 from smartmesh_ros.tools.testing.replaying import replayed
 from tests.node.shared import BALL, Fed, Logged, fed, stamped
-from tests.urdfs import link, robot
 
 GOOD = np.random.default_rng(1).normal(size=(40, 30)) * 0.2
 
@@ -179,29 +177,6 @@ def test_bad_spawns_are_answered_with_what_is_wrong() -> None:
             assert words in answer.message
         assert not run.call("remove_body", RemoveBody.Request(id="nobody")).success
         assert run.world.bodies.keys() == {"ball"}
-
-
-ROBOT = robot(link("a", '<box size="0.3 0.3 0.2"/>'))
-
-
-def test_services_open_no_file_outside_the_folders(tmp_path: Path) -> None:
-    allowed = tmp_path / "robots"
-    allowed.mkdir()
-    for folder in (allowed, tmp_path):
-        (folder / "robot.urdf").write_text(ROBOT)
-    (allowed / "link.urdf").symlink_to(tmp_path / "robot.urdf")
-    reader = ROBOT.replace('<box size="0.3 0.3 0.2"/>', '<mesh filename="/etc/passwd"/>')
-    refused = (
-        str(tmp_path / "robot.urdf"), str(allowed / "link.urdf"), str(allowed / "../robot.urdf"),
-        f"{pybullet_data.getDataPath()}/r2d2.urdf", "/etc/passwd", "/no/such/file", reader,
-    )  # fmt: skip
-    with replayed([("heightmap", 0.0, heightmap_message(GOOD))], {"bodies.urdf_folders": [str(allowed)]}) as run:
-        for urdf in refused:
-            answer = run.call("spawn_body", SpawnBody.Request(id="robot", urdf=urdf))
-            assert not answer.success, urdf
-            assert "is not in bodies.urdf_folders: add its folder there" in answer.message
-        for name, urdf in (("good", str(allowed / "robot.urdf")), ("text", ROBOT)):
-            assert run.call("spawn_body", SpawnBody.Request(id=name, urdf=urdf)).success
 
 
 def test_sizes_are_capped(monkeypatch: pytest.MonkeyPatch) -> None:

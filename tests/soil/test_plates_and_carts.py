@@ -49,8 +49,7 @@ def carried(soil: SoilType, wheel: Wheel, sinkage: float) -> float:
     return 2.0 * wheel.width * float(np.trapezoid(modulus_of(soil, wheel.width) * depth**soil.Bekker_n, x))
 
 
-@pytest.mark.parametrize("tons", [5, 50])
-@pytest.mark.parametrize("soil", ["dry_sand", "clay", "lunar"])
+@pytest.mark.parametrize(("soil", "tons"), [("dry_sand", 5), ("clay", 50), ("lunar", 50)])
 def test_heavy_machines_that_are_set_down_sink_as_deep_as_the_soil_carries_them(soil: str, tons: int) -> None:
     """On wheels, by the integral of Bekker's law over their rims; on a plate, by the law itself."""
     known, grow = soil_named(soil), (tons / 5.0) ** (1.0 / 3.0)
@@ -142,7 +141,7 @@ def test_prints_under_a_body_and_the_body_move_with_the_ground() -> None:
 @pytest.mark.parametrize(
     ("soil", "cart", "drives", "error"),
     [
-        *((soil, Cart(), {"seconds": 5.0}, 0.05) for soil in SOILS),
+        *((soil, Cart(), {"seconds": 5.0}, 0.05) for soil in ("clay", "sandy_loam", "lunar", "lete_sand")),
         ("dry_sand", WARTHOG, {"speed": 0.5, "seconds": 4.0, "grid": 0.05}, 0.02),
     ],
 )
@@ -156,8 +155,13 @@ def test_a_cart_slips_as_the_integrals_say_and_its_wheels_stay_loaded(
     assert found.worst < 2.0
 
 
-@pytest.mark.parametrize("slip", [-0.2, 0.15, 0.3, 0.7])
-@pytest.mark.parametrize(("sinks", "implicit"), [(False, True), (True, True), (False, False)])
+@pytest.mark.parametrize(
+    ("slip", "sinks", "implicit"),
+    [
+        *((slip, False, True) for slip in (-0.2, 0.15, 0.3, 0.7)),
+        *((slip, *how) for slip in (-0.2, 0.7) for how in ((True, True), (False, False))),
+    ],
+)
 def test_a_wheel_of_forced_slip_pulls_and_sinks_as_the_integrals_say(slip: float, sinks: bool, implicit: bool) -> None:
     """A wheel that is a mesh, not ``implicit``, does as the cylinder around it."""
     known, wheel = undamped(soil_named("k10_sand")), Wheel(radius=0.058, width=0.05, load=24.6)
@@ -179,8 +183,10 @@ def test_a_box_sinks_upright_and_as_deep_wherever_its_edges_are_among_the_sample
     assert depths[0] == pytest.approx(depths[1], rel=1e-3)
 
 
-@pytest.mark.parametrize("number", range(16))
-@pytest.mark.parametrize("rate", [60.0, 240.0])
+@pytest.mark.parametrize(
+    ("number", "rate"),
+    [*((number, 60.0) for number in range(16)), *((number, 240.0) for number in (0, 3, 4, 7, 9, 10, 13, 14))],
+)
 def test_energy_never_grows_in_set_downs(number: int, rate: float) -> None:
     rose = set_down(number, ("dry_sand", "lunar", "clay", "hit_lss1")[number % 4], rate=rate).rose
     assert rose < (1e-4 if rate == 240.0 else 3e-3)

@@ -67,26 +67,6 @@ def test_most_of_the_noise_of_velocities_is_gone_and_waves_keep_theirs(
     assert error(exact, noise) <= 0.1 * np.sqrt(np.square(truth).mean())
 
 
-def test_a_noisy_velocity_is_the_mean_around_it_and_its_own_as_far_as_both_stand_out_of_the_noise() -> None:
-    """See core/map/noisy_motion.h."""
-    rng, noise = np.random.default_rng(6), 0.01
-    first, last = (waves(time, 4.0) + rng.normal(0.0, noise, (SIDE, SIDE)) for time in (0.0, INTERVAL))
-    found = sampled(in_noise([first, last], noise))[1][2:-2, 2:-2]
-    own = (last - first)[2:-2, 2:-2] / INTERVAL
-    opposite = [(r, c) for r in range(3) for c in range(-2 if r else 1, 3)]
-    around = [[np.roll((last - first) / INTERVAL, (s * r, s * c), (0, 1)) for s in (1, -1)] for r, c in opposite]
-    means = np.mean(around, axis=1)[:, 2:-2, 2:-2] - own
-    beyond, variance = 2.0 * means.sum(axis=0) / 25.0, 2.0 * (noise / INTERVAL) ** 2
-
-    def standing_out(power: FloatArray, of_noise: float) -> FloatArray:
-        return np.maximum(1.0 - of_noise / power, 0.0)
-
-    mean = own + beyond
-    expected = standing_out(mean**2, variance / 25.0) * mean
-    expected -= standing_out(2.0 * means.var(axis=0, ddof=1), 2.0 * variance) * beyond
-    np.testing.assert_allclose(found, expected, atol=1e-4)
-
-
 def test_exact_velocities_beside_noisy_heights_are_taken_as_they_are() -> None:
     rng = np.random.default_rng(4)
     heightmap = HeightMap(np.zeros((9, 9)), resolution=1.0, motion=MotionConfig(noise=0.01))

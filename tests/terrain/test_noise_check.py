@@ -63,7 +63,7 @@ def at_rate(rate: float, seconds: float = 4.0, most: int = 120) -> list[float]:
     return [number / rate for number in range(min(round(seconds * rate), most))]
 
 
-@pytest.mark.parametrize("rate", [5.0, 10.0, 20.0, 60.0, 240.0])
+@pytest.mark.parametrize("rate", [5.0, 20.0, 240.0])
 @pytest.mark.parametrize(
     ("noise", "closure", "drift"),
     [(0.005, 0.0, 0.0), (0.0, 0.08, 0.0), (0.005, 0.08, 0.0), (0.005, 0.08, 0.01), (0.0, 0.0, 0.01)],
@@ -157,9 +157,9 @@ QUIET: dict[str, Callable[[], Feed]] = {
     },
     **{
         f"{name}, {rate:g} Hz": partial(of_motion, rate, **motion)
-        for name, motion in MOTIONS.items() for rate in (10.0, 20.0, 30.0, 60.0, 240.0)
+        for name, motion in MOTIONS.items() for rate in (10.0, 30.0, 240.0)
     },
-    **{f"{lost} maps lost": partial(with_a_gap, lost) for lost in range(2, 7)},
+    **{f"{lost} maps lost": partial(with_a_gap, lost) for lost in (2, 4, 6)},
     "messy patch": of_a_messy_patch,
     "an origin that rises": lambda: (
         (time, replace(GRID, origin=(*GRID.origin[:2], min(max(time - 1.5, 0.0), 1.0))), HILLS)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from smartmesh_ros import BodyState, Box, Capsule, Cylinder, HeightMap, InputError, Sphere, Terrain, World
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.world.joints import JointCommand
-from tests.bodies import rotation, surface_of
+from tests.bodies import reach, rotation, surface_of
 from tests.grounds import shaped
 from tests.urdfs import ROVER
 
@@ -52,15 +52,6 @@ def test_the_lowest_point_has_the_clearance(
         gaps = points[:, 2] - world.ground_at(points[:, :2]).z
     assert state.position[:2] == pytest.approx((x, y), abs=1e-9)
     assert clearance - FOUND <= gaps.min() <= clearance + 3e-3  # the points are up to 3 cm apart
-
-
-def reach(shape: Shape, n: np.ndarray) -> float:
-    """How far a shape reaches from its middle along a unit vector in its frame [m]."""
-    if isinstance(shape, Box):
-        return float(0.5 * np.abs(n) @ (shape.x, shape.y, shape.z))
-    if isinstance(shape, Cylinder):
-        return shape.radius * math.hypot(n[0], n[1]) + 0.5 * shape.height * abs(n[2])
-    return shape.radius + (0.5 * shape.height * abs(n[2]) if isinstance(shape, Capsule) else 0.0)
 
 
 @pytest.mark.parametrize("kind", SHAPES)

@@ -3,7 +3,7 @@
 
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 
-#include "bullet/world.h"
+#include "bullet/sleep.h"
 
 namespace smartmesh {
 
@@ -19,13 +19,13 @@ void lift_bounds(const btCollisionObject& object, const btVector3& up, btDiscret
 
 // Moves a sleeping body with the corrections of the ground under it since it fell asleep, on average, if that is more
 // than `least` [m]. A robot moves as a whole.
-void BulletWorld::follow_corrections(OfBody& body, double least) {
+void Sleep::follow_corrections(AttachedBody& body, double least) {
   double sum = 0.0;
   int count = 0;
   Slot* any = nullptr;
-  for (const Role& role : body.roles) {
-    Slot& slot = slots_[role.slot];
-    if (role.is_proxy || !slot.rest.asleep) continue;
+  for (int k : body.slots) {
+    Slot& slot = attached_.slots[k];
+    if (!slot.rest.asleep) continue;
     if (slot.object == nullptr) return;
     any = &slot;
     if (slot.rest.samples > 0) sum += slot.rest.corrected, ++count;
@@ -36,49 +36,37 @@ void BulletWorld::follow_corrections(OfBody& body, double least) {
   body.sleeper.followed += by;
   const btVector3 up(0.0, 0.0, by);
   lift(*any->object, by);
-  for (const Role& role : body.roles) {
-    Slot& slot = slots_[role.slot];
-    if (role.is_proxy || !slot.rest.asleep) continue;
+  for (int k : body.slots) {
+    Slot& slot = attached_.slots[k];
+    if (!slot.rest.asleep) continue;
     slot.rest.pose = slot.object->getWorldTransform();
-    lift_bounds(*slot.object, up, *world_);
+    lift_bounds(*slot.object, up, now_.world);
     slot.rest.bounds = bounds_of(*slot.object);
     if (slot.ground == nullptr) continue;
     lift(*slot.ground, by);
     slot.shape->origin += up;
-    lift_bounds(*slot.ground, up, *world_);
+    lift_bounds(*slot.ground, up, now_.world);
     slot.rest.raised += by;
   }
   any_raised_ = true;
-  ++sleep_changes_;
+  attached_.note_rest_change();
 }
 
 // Moves the contacts of bodies that followed corrections.
-void BulletWorld::raise_contacts() {
+void Sleep::raise_contacts() {
   if (!any_raised_) return;
-  btDispatcher& dispatcher = *world_->getDispatcher();
+  btDispatcher& dispatcher = *now_.world.getDispatcher();
   for (int k = 0; k < dispatcher.getNumManifolds(); ++k) {
     btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(k);
-    const Slot* slot = slot_of(*manifold.getBody0());
-    if (slot == nullptr) slot = slot_of(*manifold.getBody1());
+    const Slot* slot = attached_.slot_of(*manifold.getBody0());
+    if (slot == nullptr) slot = attached_.slot_of(*manifold.getBody1());
     if (slot == nullptr || slot->rest.raised == 0.0) continue;
     const btVector3 up(0.0, 0.0, slot->rest.raised);
     for (int p = 0; p < manifold.getNumContacts(); ++p)
       manifold.getContactPoint(p).m_positionWorldOnA += up, manifold.getContactPoint(p).m_positionWorldOnB += up;
   }
-  for (Slot& slot : slots_) slot.rest.raised = 0.0;
+  for (Slot& slot : attached_.slots) slot.rest.raised = 0.0;
   any_raised_ = false;
-}
-
-// Returns the slot of a ground proxy; null of other objects.
-Slot* BulletWorld::slot_of(const btCollisionObject& ground) {
-  const btCollisionShape& shape = *ground.getCollisionShape();
-  if (shape.getShapeType() != GROUND_SHAPE_TYPE) return nullptr;
-  return &slots_[static_cast<const GroundShape&>(shape).slot];
-}
-
-bool BulletWorld::is_proxy_of(const btCollisionObject& ground, const btCollisionObject& body) {
-  const Slot* slot = slot_of(ground);
-  return slot != nullptr && slot->object == &body;
 }
 
 }  // namespace smartmesh

@@ -28,7 +28,7 @@ class GroundAlgorithm final : public btCollisionAlgorithm {
   void processCollision(const btCollisionObjectWrapper* a, const btCollisionObjectWrapper* b,
                         const btDispatcherInfo& info, btManifoldResult* result) override {
     const btCollisionObjectWrapper &body = swapped_ ? *b : *a, &ground = swapped_ ? *a : *b;
-    if (!world_->is_proxy_of(*ground.getCollisionObject(), *body.getCollisionObject())) {
+    if (!world_->attached.is_proxy_of(*ground.getCollisionObject(), *body.getCollisionObject())) {
       if (manifold_ != nullptr) manifold_->setNumContacts(0);
       return;
     }
@@ -38,7 +38,8 @@ class GroundAlgorithm final : public btCollisionAlgorithm {
     bool found = false;
     world_->guarded([&] {
       // A query before the world's first step has no time step.
-      world_->touch(body, ground, *manifold_, info.m_timeStep > 0.0 ? info.m_timeStep : world_->duration);
+      world_->touch(body, *ground.getCollisionObject(), *manifold_,
+                    info.m_timeStep > 0.0 ? info.m_timeStep : world_->now.duration);
       found = true;
     });
     if (!found) manifold_->setNumContacts(0);

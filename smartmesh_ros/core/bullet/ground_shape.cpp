@@ -7,14 +7,15 @@ namespace smartmesh {
 
 void GroundShape::processAllTriangles(btTriangleCallback* callback, const btVector3& least,
                                       const btVector3& most) const {
+  const Instant& now = world_->now;
   const StepLock lock;  // a window asks at any moment what lies under the mouse
-  if (world_->drawn && !world_->is_stepping()) return;
+  if (now.drawn && !now.stepping) return;
   const Bounds bounds{from_bullet(least + origin), from_bullet(most + origin)};
   int number = 0;
   const auto add = [&](Tiles& tiles, const Pose& frame, const Bounds& inside) {
     Patch maps, meshes;
-    tiles.gather(inside, world_->time, 0.0, Everything{}, maps);
-    tiles.gather_meshes(inside, world_->time, 0.0, Everything{}, meshes);
+    tiles.gather(inside, now.time, 0.0, Everything{}, maps);
+    tiles.gather_meshes(inside, now.time, 0.0, Everything{}, meshes);
     for (const Patch* patch : {&maps, &meshes}) {
       for (const Facet& facet : patch->facets) {
         btVector3 corners[3];
@@ -24,9 +25,9 @@ void GroundShape::processAllTriangles(btTriangleCallback* callback, const btVect
     }
   };
   world_->guarded([&] {
-    add(*world_->terrain, {}, bounds);
-    for (Deck* deck : world_->terrain->decks()) {
-      const Pose frame = deck->motion.at(world_->time).pose;
+    add(*now.terrain, {}, bounds);
+    for (Deck* deck : now.terrain->decks()) {
+      const Pose frame = deck->motion.at(now.time).pose;
       add(deck->tiles, frame, Deck::local_bounds(frame, bounds));
     }
   });

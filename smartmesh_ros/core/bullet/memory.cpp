@@ -1,12 +1,4 @@
-// What a saved state has of the ground in a Bullet world, and the forgetting of the past.
-#include <algorithm>
-
-#include <BulletDynamics/Dynamics/btRigidBody.h>
-
-#include "bullet/broadphase.h"
-#include "bullet/carrier.h"
-#include "bullet/shape_parts.h"
-#include "bullet/world.h"
+#include "bullet/memory.h"
 
 namespace smartmesh {
 
@@ -23,34 +15,20 @@ constexpr std::size_t PART = sizeof(PartMemory) / sizeof(double);
 
 }  // namespace
 
-void BulletWorld::find_parts(Slot& slot) {
-  if (!slot.leaves.empty()) return;
-  for_each_part(*slot.object->getCollisionShape(), btTransform::getIdentity(),
-                [&](const btCollisionShape& part, const btTransform&) { slot.leaves.push_back(&part); });
-}
-
-int BulletWorld::part_number(Slot& slot, const btCollisionShape& shape) {
-  find_parts(slot);
-  return static_cast<int>(std::find(slot.leaves.begin(), slot.leaves.end(), &shape) - slot.leaves.begin());
-}
-
-SlotMemory BulletWorld::memory_of(int index) const {
-  const Slot& slot = slots_[index];
+SlotMemory memory_of(const Slot& slot) {
   return {slot.rest.still, slot.rest.anchor, slot.pull, slot.ground_angular, slot.last_ground, slot.falls ? 1.0 : 0.0};
 }
 
-void BulletWorld::recall(int index, const SlotMemory& memory) {
-  Slot& slot = slots_[index];
+void recall(Slot& slot, const SlotMemory& memory) {
   slot.rest.still = memory.still, slot.rest.anchor = memory.anchor;
   slot.pull = memory.pull, slot.ground_angular = memory.ground_angular;
   slot.last_ground = memory.last_ground, slot.falls = memory.falls != 0.0;
-  gravity_ = world_->getGravity();  // another one wakes all
 }
 
-std::vector<double> BulletWorld::parts_memory(int index) const {
+std::vector<double> parts_memory(const Slot& slot, const SoilInStep* soil) {
   std::vector<double> found;
   if (soil == nullptr) return found;
-  for (const auto& [number, part] : slots_[index].on_soil) {
+  for (const auto& [number, part] : slot.on_soil) {
     std::vector<double> rim;
     part.rim.write(rim);
     const PartMemory memory{static_cast<double>(number),
@@ -69,10 +47,9 @@ std::vector<double> BulletWorld::parts_memory(int index) const {
   return found;
 }
 
-bool BulletWorld::recall_parts(int index, const double* numbers, std::size_t count) {
-  Slot& slot = slots_[index];
+bool recall_parts(Slot& slot, const SoilInStep* soil, const double* numbers, std::size_t count) {
   if (slot.object == nullptr || soil == nullptr) return count == 0;
-  find_parts(slot);
+  slot.find_leaves();
   SoilParts parts;
   while (count > 0) {
     if (count < PART) return false;
@@ -83,7 +60,7 @@ bool BulletWorld::recall_parts(int index, const double* numbers, std::size_t cou
       return false;
     const auto contacts = static_cast<std::size_t>(memory.contacts), rim = static_cast<std::size_t>(memory.rim);
     const int number = static_cast<int>(memory.number);
-    const Convex* convex = convex_of_part(slot, *slot.leaves[number]);
+    const Convex* convex = slot.convex_of_part(*slot.leaves[number]);
     SoilPart& part = parts[number];
     if (convex == nullptr || !part.rim.read(numbers + PART + contacts, rim)) return false;
     part.shape = pressing_shape(*convex);
@@ -97,25 +74,10 @@ bool BulletWorld::recall_parts(int index, const double* numbers, std::size_t cou
   return true;
 }
 
-void BulletWorld::take_restored() {
-  auto& objects = world_->getCollisionObjectArray();
+void take_restored(btDiscreteDynamicsWorld& world) {
+  auto& objects = world.getCollisionObjectArray();
   for (int k = 0; k < objects.size(); ++k)
     if (auto* body = btRigidBody::upcast(objects[k])) body->setCenterOfMassTransform(body->getWorldTransform());
-}
-
-void BulletWorld::forget() {
-  wake_all();
-  renew_broadphase(*world_);
-  revision_ = -1;
-  vacated_.clear(), beside_.clear(), carried_.clear();
-  others_listed_ = false, carried_layout_ = -1;
-  for (Slot& slot : slots_) {
-    slot.pull = slot.ground_angular = {};
-    slot.rest.still = 0.0, slot.rest.anchor = Rest{}.anchor;
-    slot.on_soil.clear();
-  }
-  auto& objects = world_->getCollisionObjectArray();
-  for (int k = 0; k < objects.size(); ++k) objects[k]->setDeactivationTime(0.0), renew_inertia(*objects[k]);
 }
 
 }  // namespace smartmesh

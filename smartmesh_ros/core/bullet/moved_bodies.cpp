@@ -1,12 +1,9 @@
-// Bodies that are moved without physics: with corrections of the ground, or back onto it.
-#include <algorithm>
+#include "bullet/moved_bodies.h"
+
 #include <cmath>
 #include <limits>
 #include <map>
 
-#include <BulletDynamics/Dynamics/btRigidBody.h>
-
-#include "bullet/world.h"
 #include "step/below_ground.h"
 #include "step/correction.h"
 
@@ -76,53 +73,23 @@ void set_velocity_of_base(btCollisionObject& object, const btVector3& velocity) 
   btRigidBody::upcast(&object)->setLinearVelocity(velocity);
 }
 
-}  // namespace
-
-std::vector<bool> BulletWorld::find_touching() {
-  std::vector<bool> found(slots_.size(), false);
-  btDispatcher& dispatcher = *world_->getDispatcher();
+// Returns true for the slots that have contacts with the ground.
+std::vector<bool> find_touching(const Instant& now, Attached& attached) {
+  std::vector<bool> found(attached.slots.size(), false);
+  btDispatcher& dispatcher = *now.world.getDispatcher();
   for (int k = 0; k < dispatcher.getNumManifolds(); ++k) {
     const btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(k);
     if (manifold.getNumContacts() == 0) continue;
-    const Slot* slot = slot_of(*manifold.getBody0());
-    if (slot == nullptr) slot = slot_of(*manifold.getBody1());
-    if (slot != nullptr) found[slot - slots_.data()] = true;
+    const Slot* slot = attached.slot_of(*manifold.getBody0());
+    if (slot == nullptr) slot = attached.slot_of(*manifold.getBody1());
+    if (slot != nullptr) found[slot - attached.slots.data()] = true;
   }
   return found;
 }
 
-// A body that lay on the ground lies on it again, at the same velocity. A robot moves as a whole, by the ground under
-// the links that touch it.
-void BulletWorld::move_with_corrections() {
-  corrections_.clear();
-  terrain->show_corrections(time, corrections_);
-  if (corrections_.empty()) return;
-  const std::vector<bool> stands = find_touching();
-  for (const OfBody& body : bodies_) {
-    btCollisionObject* object = nullptr;
-    BodyPose pose;
-    CorrectionSums sums;
-    for (const Role& role : body.roles) {
-      const Slot& slot = slots_[role.slot];
-      if (role.is_proxy || !slot.kind.is_solid || slot.rest.asleep || slot.object == nullptr) continue;
-      if (object == nullptr) object = slot.object, pose = body_pose(base_of(*object));
-      const BodyPose now = body_pose(slot.object->getWorldTransform());
-      for (const auto& [map, shown] : corrections_) {
-        HeightGrid before = *map;
-        before.shown = shown;
-        add_points_under(before, *map, time, *slot.body_shape, now, stands[role.slot], pose.at, sums);
-      }
-    }
-    if (object == nullptr || is_fixed(*object) || !move_with(sums, pose)) continue;
-    const Quaternion& q = pose.orientation;
-    put(*object, btTransform(btQuaternion(q.x, q.y, q.z, q.w), to_bullet(pose.at)), *world_);
-  }
-}
-
-// What has a part above the ground is not below it: it may stand astride. In ground that gives a part is above it as
-// long as any point of the body is.
-GroundPoint BulletWorld::ground_above_all_parts(int slot, GroundReader& reader) const {
-  const Slot& it = slots_[slot];
+// Returns the ground above the middles of all parts of a body, NaN if there is none. What has a part above the ground
+// is not below it: it may stand astride. In ground that gives a part is above it as long as any point of the body is.
+GroundPoint ground_above_all_parts(const Instant& now, const Slot& it, GroundReader& reader) {
   const Pose pose = from_bullet(it.object->getWorldTransform());
   GroundPoint highest{-std::numeric_limits<double>::infinity(), {}};
   for (const ShapePart& part : it.body_shape->parts) {
@@ -131,77 +98,95 @@ GroundPoint BulletWorld::ground_above_all_parts(int slot, GroundReader& reader) 
     if (ground.height > highest.height) highest = ground;
   }
   const BodyPose at = body_pose(it.object->getWorldTransform());
-  if (terrain->has_material() && -it.body_shape->lowest(at, {0.0, 0.0, -1.0}) > highest.height &&
-      terrain->material(at.at.x, at.at.y, time).gives())
+  if (now.terrain->has_material() && -it.body_shape->lowest(at, {0.0, 0.0, -1.0}) > highest.height &&
+      now.terrain->material(at.at.x, at.at.y, now.time).gives())
     return {std::numeric_limits<double>::quiet_NaN(), {}};
   return highest;
 }
 
-std::vector<int> BulletWorld::find_below() {
-  find_objects();
-  GroundReader reader = terrain->reader(time, INSTANT);
-  std::vector<int> found;
-  for (int k = 0; k < static_cast<int>(slots_.size()); ++k) {
-    if (!slots_[k].kind.is_own || slots_[k].object == nullptr) continue;
-    if (!std::isnan(ground_above_all_parts(k, reader).height)) found.push_back(k);
-  }
-  return found;
-}
-
-std::vector<int> BulletWorld::find_nowhere(double farthest) const {
-  std::vector<int> found;
-  for (std::size_t k = 0; k < slots_.size(); ++k) {
-    if (slots_[k].object == nullptr || slots_[k].rest.asleep) continue;
-    const btVector3 away = slots_[k].object->getWorldTransform().getOrigin().absolute();
-    if (!(away.x() <= farthest && away.y() <= farthest && away.z() <= farthest)) found.push_back(static_cast<int>(k));
-  }
-  return found;
-}
-
 // Returns true if PyBullet's groups and masks, or a filter of the pair, keep a body and its ground apart.
-bool BulletWorld::is_kept_from_ground(const Slot& slot) const {
-  const btOverlapFilterCallback* filter = world_->getPairCache()->getOverlapFilterCallback();
+bool is_kept_from_ground(const Instant& now, const Slot& slot) {
+  const btOverlapFilterCallback* filter = now.world.getPairCache()->getOverlapFilterCallback();
   return filter != nullptr && slot.ground != nullptr &&
          !filter->needBroadphaseCollision(slot.object->getBroadphaseHandle(), slot.ground->getBroadphaseHandle());
 }
 
-// Bodies that were spawned or teleported below the ground, covered by a map, or pushed there by another body.
-void BulletWorld::lift_bodies() {
-  if (maybe_below_.empty()) return;
-  struct Lift {
-    double by;
-    Vec3 ground;
-  };
-  std::map<int, Lift> lifts;  // robots as a whole, by the largest lift of their links
-  GroundReader reader = terrain->reader(time, INSTANT);
-  for (int k : maybe_below_) {
-    if (slots_[k].object == nullptr || is_kept_from_ground(slots_[k])) continue;
-    const GroundPoint ground = ground_above_all_parts(k, reader);
-    if (std::isnan(ground.height)) continue;
-    const BodyPose pose = body_pose(slots_[k].object->getWorldTransform());
-    const Lift lift{ground.height - slots_[k].body_shape->lowest(pose), ground.velocity};
-    const auto [known, is_new] = lifts.try_emplace(slots_[k].body, lift);
-    if (!is_new && lift.by > known->second.by) known->second = lift;
-  }
-  for (const auto& [body, lift] : lifts) lift_body(body, lift.by, lift.ground);
-}
-
 // Lifts a body [m], and gives it the vertical velocity of the `ground` [m/s].
-void BulletWorld::lift_body(int body, double by, const Vec3& ground) {
-  const Slot* slot = moving_slot(bodies_[body]);
-  if (slot == nullptr || is_fixed(*slot->object)) return;
-  btCollisionObject& object = *slot->object;
+void lift_body(btCollisionObject& object, double by, const Vec3& ground, btDiscreteDynamicsWorld& world) {
   btTransform pose = base_of(object);
   pose.getOrigin().setZ(pose.getOrigin().z() + by);
   btVector3 slide = velocity_of_base(object) - to_bullet(ground);
   slide.setZ(0.0);
   if (const double speed = slide.length(); speed > FASTEST_RESCUED) slide *= FASTEST_RESCUED / speed;
-  put(object, pose, *world_);
+  put(object, pose, world);
   set_velocity_of_base(object, to_bullet(ground) + slide);
-  ++rescues_;
-  wake_body(body);
-  for (const Role& role : bodies_[body].roles)
-    if (!role.is_proxy && slots_[role.slot].ground != nullptr) place(slots_[role.slot]);
+}
+
+}  // namespace
+
+void move_with_corrections(const Instant& now, Attached& attached) {
+  std::vector<MapCorrection> corrections;
+  now.terrain->show_corrections(now.time, corrections);
+  if (corrections.empty()) return;
+  const std::vector<bool> stands = find_touching(now, attached);
+  for (const AttachedBody& body : attached.bodies) {
+    btCollisionObject* object = nullptr;
+    BodyPose pose;
+    CorrectionSums sums;
+    for (int k : body.slots) {
+      const Slot& slot = attached.slots[k];
+      if (!slot.kind.is_solid || slot.rest.asleep || slot.object == nullptr) continue;
+      if (object == nullptr) object = slot.object, pose = body_pose(base_of(*object));
+      const BodyPose here = body_pose(slot.object->getWorldTransform());
+      for (const auto& [map, shown] : corrections) {
+        HeightGrid before = *map;
+        before.shown = shown;
+        add_points_under(before, *map, now.time, *slot.body_shape, here, stands[k], pose.at, sums);
+      }
+    }
+    if (object == nullptr || is_fixed(*object) || !move_with(sums, pose)) continue;
+    const Quaternion& q = pose.orientation;
+    put(*object, btTransform(btQuaternion(q.x, q.y, q.z, q.w), to_bullet(pose.at)), now.world);
+  }
+}
+
+std::vector<int> find_below(const Instant& now, Attached& attached) {
+  attached.find_objects();
+  GroundReader reader = now.terrain->reader(now.time, INSTANT);
+  std::vector<int> found;
+  for (int k = 0; k < static_cast<int>(attached.slots.size()); ++k) {
+    if (!attached.slots[k].kind.is_own || attached.slots[k].object == nullptr) continue;
+    if (!std::isnan(ground_above_all_parts(now, attached.slots[k], reader).height)) found.push_back(k);
+  }
+  return found;
+}
+
+std::vector<int> lift_bodies(const Instant& now, Attached& attached, const std::vector<int>& slots) {
+  if (slots.empty()) return {};
+  struct Lift {
+    double by;
+    Vec3 ground;
+  };
+  std::map<int, Lift> lifts;  // robots as a whole, by the largest lift of their links
+  GroundReader reader = now.terrain->reader(now.time, INSTANT);
+  for (int k : slots) {
+    const Slot& slot = attached.slots[k];
+    if (slot.object == nullptr || is_kept_from_ground(now, slot)) continue;
+    const GroundPoint ground = ground_above_all_parts(now, slot, reader);
+    if (std::isnan(ground.height)) continue;
+    const BodyPose pose = body_pose(slot.object->getWorldTransform());
+    const Lift lift{ground.height - slot.body_shape->lowest(pose), ground.velocity};
+    const auto [known, is_new] = lifts.try_emplace(slot.body, lift);
+    if (!is_new && lift.by > known->second.by) known->second = lift;
+  }
+  std::vector<int> lifted;
+  for (const auto& [body, lift] : lifts) {
+    const Slot* slot = attached.moving_slot(attached.bodies[body]);
+    if (slot == nullptr || is_fixed(*slot->object)) continue;
+    lift_body(*slot->object, lift.by, lift.ground, now.world);
+    lifted.push_back(body);
+  }
+  return lifted;
 }
 
 }  // namespace smartmesh

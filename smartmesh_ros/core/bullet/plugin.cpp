@@ -7,6 +7,7 @@
 #include <examples/SharedMemory/SharedMemoryPublic.h>
 #include <examples/SharedMemory/plugins/b3PluginContext.h>
 
+#include "bullet/server_world.h"
 #include "bullet/world.h"
 #include "step/step_lock.h"
 
@@ -14,14 +15,24 @@ namespace smartmesh {
 
 namespace {
 
-// The ground in the server of a client.
+// A client, the place of its server's world, and the ground in that world; null if there is none.
 struct Client {
   int number;
-  std::unique_ptr<BulletWorld> ground;
+  WorldPlace place;
+  int worlds = 0;  // that it has had
+  std::unique_ptr<BulletWorld> ground{};
+
+  // Takes the world that the server has now. Call it before anything else that is done from outside.
+  BulletWorld* look() {
+    btDiscreteDynamicsWorld* world = *place;
+    if (ground != nullptr && !ground->is_in(world)) ground.reset();
+    if (ground == nullptr && world != nullptr) ground = std::make_unique<BulletWorld>(*world, ++worlds);
+    return ground.get();
+  }
 };
 
-std::unordered_map<int, BulletWorld*>& grounds() {
-  static auto* all = new std::unordered_map<int, BulletWorld*>();  // never freed: PyBullet may outlive this library
+std::unordered_map<int, Client*>& clients() {
+  static auto* all = new std::unordered_map<int, Client*>();  // never freed: PyBullet may outlive this library
   return *all;
 }
 
@@ -36,24 +47,23 @@ Client* client_of(const b3PluginContext& context) { return static_cast<Client*>(
 void enter(b3PluginContext& context) {
   const WorldPlace place = world_place(*context.m_rpcCommandProcessorInterface);
   if (place == nullptr) throw std::runtime_error("the server has no world where it is looked for");
-  auto client = std::make_unique<Client>(Client{new_number(), std::make_unique<BulletWorld>(place)});
-  grounds()[client->number] = client->ground.get();
+  auto client = std::make_unique<Client>(Client{new_number(), place});
+  client->look();
+  clients()[client->number] = client.get();
   context.m_userPointer = client.release();
 }
 
 void leave(Client* client) {
-  grounds().erase(client->number);
-  if (!client->ground->leave()) client->ground.release();
+  clients().erase(client->number);
+  if (client->look() != nullptr) client->ground.release()->leave();  // the world's pairs still name it
   delete client;
 }
 
 }  // namespace
 
-BulletWorld* world_of(int number) {
-  const auto found = grounds().find(number);
-  if (found == grounds().end()) return nullptr;
-  found->second->look();
-  return found->second->alive() ? found->second : nullptr;
+BulletWorld* world_of(int client) {
+  const auto found = clients().find(client);
+  return found == clients().end() ? nullptr : found->second->look();
 }
 
 }  // namespace smartmesh
@@ -88,13 +98,13 @@ PLUGIN int executePluginCommand_smartmesh(b3PluginContext* context, const b3Plug
 // PyBullet tells of bodies that it made or removed, at the end of the command that did so.
 PLUGIN int processNotifications_smartmesh(b3PluginContext* context) {
   const StepLock lock;
-  BulletWorld& ground = *client_of(*context)->ground;
-  ground.guarded([&] {
-    ground.look();
+  BulletWorld* ground = client_of(*context)->look();
+  if (ground == nullptr) return 0;
+  ground->guarded([&] {
     for (int k = 0; k < context->m_numNotifications; ++k) {
       const b3Notification& it = context->m_notifications[k];
-      if (it.m_notificationType == BODY_ADDED) ground.note_added();
-      if (it.m_notificationType == BODY_REMOVED) ground.note_removed(it.m_bodyArgs.m_bodyUniqueId);
+      if (it.m_notificationType == BODY_ADDED) ground->attached.note_change();
+      if (it.m_notificationType == BODY_REMOVED) ground->note_removed(it.m_bodyArgs.m_bodyUniqueId);
     }
   });
   return 0;
@@ -103,17 +113,14 @@ PLUGIN int processNotifications_smartmesh(b3PluginContext* context) {
 // The lock is held until `postTickPluginCallback`.
 PLUGIN int preTickPluginCallback_smartmesh(b3PluginContext* context) {
   step_mutex().lock();
-  BulletWorld& ground = *client_of(*context)->ground;
-  ground.guarded([&] {
-    ground.look();
-    ground.before_step();
-  });
+  if (BulletWorld* ground = client_of(*context)->look(); ground != nullptr)
+    ground->guarded([&] { ground->before_step(); });
   return 0;
 }
 
 PLUGIN int postTickPluginCallback_smartmesh(b3PluginContext* context) {
-  BulletWorld& ground = *client_of(*context)->ground;
-  ground.guarded([&] { ground.after_step(); });
+  if (BulletWorld* ground = client_of(*context)->ground.get(); ground != nullptr)
+    ground->guarded([&] { ground->after_step(); });
   step_mutex().unlock();
   return 0;
 }

@@ -83,18 +83,6 @@ void Rest::note(const Pose& pose, double distance, double duration) {
     anchor = pose, still = 0.0;
 }
 
-double bounding_radius(const btCollisionObject& object) {
-  btVector3 centre;
-  btScalar radius;
-  object.getCollisionShape()->getBoundingSphere(centre, radius);
-  return centre.length() + radius;
-}
-
-btMultiBody* robot_of(btCollisionObject& object) {
-  auto* collider = btMultiBodyLinkCollider::upcast(&object);
-  return collider == nullptr ? nullptr : collider->m_multiBody;
-}
-
 bool is_acted_on(btCollisionObject& object, const btVector3& gravity) {
   if (const btMultiBody* robot = robot_of(object)) return is_acted_on(*robot, gravity);
   const btRigidBody& body = *btRigidBody::upcast(&object);

@@ -5,13 +5,8 @@
 #include <optional>
 #include <vector>
 
-#include <BulletCollision/BroadphaseCollision/btBroadphaseProxy.h>
-#include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
-
-#include "bullet/convert.h"
+#include "bullet/objects.h"
 #include "ground/ground_under.h"
-
-class btRigidBody;
 
 namespace smartmesh {
 
@@ -63,23 +58,6 @@ struct Sleeper {
 };
 
 inline bool sleeps(const btCollisionObject& object) { return object.getActivationState() == ISLAND_SLEEPING; }
-// Returns the bounds of an object as Bullet knows them.
-inline Bounds bounds_of(const btCollisionObject& object) {
-  const btBroadphaseProxy& proxy = *object.getBroadphaseHandle();
-  return {from_bullet(proxy.m_aabbMin), from_bullet(proxy.m_aabbMax)};
-}
-// Returns the bounding radius of an object about its centre of mass [m].
-double bounding_radius(const btCollisionObject& object);
-// Returns the robot that an object is a link of; null if it is none.
-btMultiBody* robot_of(btCollisionObject& object);
-// Calls `apply` for the colliders of all links of a robot that physics moves.
-template <class Apply>
-void for_each_collider(btMultiBody& robot, Apply apply) {
-  for (int link = -1; link < robot.getNumLinks(); ++link) {
-    btMultiBodyLinkCollider* collider = link < 0 ? robot.getBaseCollider() : robot.getLinkCollider(link);
-    if (collider != nullptr && !collider->isStaticOrKinematicObject()) apply(*collider);
-  }
-}
 
 // Returns true if somebody pushes an awake body beside gravity in the coming step, or drives its joints to move.
 bool is_acted_on(btCollisionObject& object, const btVector3& gravity);

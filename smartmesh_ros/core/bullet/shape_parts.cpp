@@ -4,7 +4,7 @@
 #include <BulletDynamics/Dynamics/btDiscreteDynamicsWorld.h>
 #include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
 
-#include "bullet/world.h"
+#include "bullet/objects.h"
 
 namespace smartmesh {
 

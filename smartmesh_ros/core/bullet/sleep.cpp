@@ -1,5 +1,4 @@
-// When attached bodies fall asleep. Bullet puts islands to sleep, which keep their contacts; here is which bodies are
-// still.
+// When attached bodies fall asleep.
 #include <algorithm>
 #include <cmath>
 
@@ -7,7 +6,7 @@
 #include <BulletDynamics/Featherstone/btMultiBodyConstraint.h>
 #include <BulletDynamics/Featherstone/btMultiBodyDynamicsWorld.h>
 
-#include "bullet/world.h"
+#include "bullet/sleep.h"
 
 namespace smartmesh {
 
@@ -23,60 +22,51 @@ double time_still(const SleepRules& rules, double gravity) {
 
 }  // namespace
 
-void BulletWorld::set_rules(const SleepRules& rules) {
+void Sleep::set_rules(const SleepRules& rules) {
   wake_all();
   rules_ = rules;
 }
 
-void BulletWorld::note_asleep(Slot& slot) {
+void Sleep::note_asleep(Slot& slot) {
   Rest& rest = slot.rest;
   rest.asleep = true, rest.layout = -1;
-  rest.is_first = moving_slot(of_body(slot.body)) == &slot;
+  rest.is_first = attached_.moving_slot(attached_.body(slot.body)) == &slot;
   rest.pose = slot.object->getWorldTransform();
   rest.bounds = bounds_of(*slot.object);
-  terrain->ground_under(rest.bounds, time, rest.ground);
+  now_.terrain->ground_under(rest.bounds, now_.time, rest.ground);
   rest.calm = false, rest.corrected = 0.0, rest.samples = 0;
-  Sleeper& sleeper = of_body(slot.body).sleeper;
+  Sleeper& sleeper = attached_.body(slot.body).sleeper;
   sleeper.motors = motors_of(*slot.object), sleeper.followed = 0.0;
   forget_forces(*slot.object);
   if (slot.ground != nullptr)
     slot.ground->setLinearVelocity({0.0, 0.0, 0.0}), slot.ground->setAngularVelocity({0.0, 0.0, 0.0});
-  ++sleep_changes_;
+  attached_.note_rest_change();
 }
 
-void BulletWorld::note_awake(Slot& slot) {
+void Sleep::note_awake(Slot& slot) {
   slot.rest.asleep = false;
   slot.rest.still = 0.0;
   vacated_.push_back(slot.rest.bounds);
   slot.rest.ground.clear();
-  ++sleep_changes_;
+  attached_.note_rest_change();
 }
 
-// Lists the slots by whether their bodies sleep.
-void BulletWorld::list_slots() {
-  if (listed_at_ == sleep_changes_) return;
-  listed_at_ = sleep_changes_;
-  awake_.clear(), asleep_.clear();
-  for (std::size_t k = 0; k < slots_.size(); ++k)
-    if (slots_[k].used) (slots_[k].rest.asleep ? asleep_ : awake_).push_back(static_cast<int>(k));
-}
-
-// Counts how long bodies are still, and notes which of them Bullet put to sleep in the step.
-void BulletWorld::note_rest() {
+void Sleep::note_rest() {
   const bool may_sleep = std::isfinite(rules_.after);
-  list_slots();
-  for (int k : awake_)
-    if (slots_[k].body >= 0) bodies_[slots_[k].body].still = std::numeric_limits<double>::infinity();
-  for (int k : awake_) {
-    Slot& slot = slots_[k];
+  attached_.list();
+  for (int k : attached_.awake)
+    if (attached_.slots[k].body >= 0)
+      attached_.bodies[attached_.slots[k].body].still = std::numeric_limits<double>::infinity();
+  for (int k : attached_.awake) {
+    Slot& slot = attached_.slots[k];
     if (slot.object == nullptr || slot.object->isStaticOrKinematicObject()) continue;
     if (sleeps(*slot.object)) {
       note_asleep(slot), look_beside();
       continue;
     }
-    OfBody& body = bodies_[slot.body];
-    if (may_sleep) slot.rest.note(from_bullet(slot.object->getWorldTransform()), rules_.distance, duration);
-    if (body.driven || slot.belt.speed != 0.0 || is_on_carrier(slot)) slot.rest.still = 0.0;
+    AttachedBody& body = attached_.bodies[slot.body];
+    if (may_sleep) slot.rest.note(from_bullet(slot.object->getWorldTransform()), rules_.distance, now_.duration);
+    if (body.driven || slot.belt.speed != 0.0 || slot.is_on_carrier) slot.rest.still = 0.0;
     body.still = std::min(body.still, slot.rest.still);
   }
   if (may_sleep) put_resting_to_sleep();
@@ -84,22 +74,23 @@ void BulletWorld::note_rest() {
 
 // Notes which awake bodies are driven in the coming step, and lets those stay awake that are no longer still but were
 // to sleep.
-void BulletWorld::note_driven() {
-  const btVector3 gravity = world_->getGravity();
+void Sleep::note_driven() {
+  const btVector3 gravity = now_.world.getGravity();
   const double after = time_still(rules_, gravity.length());
   if (!std::isfinite(after)) return;
-  for (int k : awake_) {
-    Slot& slot = slots_[k];
-    if (slot.object == nullptr || moving_slot(bodies_[slot.body]) != &slot || sleeps(*slot.object)) continue;
-    OfBody& body = bodies_[slot.body];
+  for (int k : attached_.awake) {
+    Slot& slot = attached_.slots[k];
+    if (slot.object == nullptr || attached_.moving_slot(attached_.bodies[slot.body]) != &slot || sleeps(*slot.object))
+      continue;
+    AttachedBody& body = attached_.bodies[slot.body];
     body.driven = is_acted_on(*slot.object, gravity);
-    if (body.wanted && (body.driven || body.still < after)) wake_body(slot.body);
+    if (body.wanted && (body.driven || body.still < after)) wake(slot.body);
   }
 }
 
 // A constraint that comes or goes may hold anything; the pivot of one that holds a robot may be moved at any time.
-void BulletWorld::find_joined() {
-  auto& world = static_cast<btMultiBodyDynamicsWorld&>(*world_);
+void Sleep::find_joined() {
+  auto& world = static_cast<btMultiBodyDynamicsWorld&>(now_.world);
   const int count = world.getNumConstraints() + world.getNumMultiBodyConstraints();
   if (count == constraints_) return;
   constraints_ = count;
@@ -115,19 +106,10 @@ void BulletWorld::find_joined() {
   if (before != joined_.size() + rigid_constraints_) wake_all();
 }
 
-// Returns the first link of a body that physics moves; null if there is none.
-Slot* BulletWorld::moving_slot(const OfBody& body) {
-  for (const Role& role : body.roles) {
-    Slot& slot = slots_[role.slot];
-    if (!role.is_proxy && slot.object != nullptr && !slot.object->isStaticOrKinematicObject()) return &slot;
-  }
-  return nullptr;
-}
-
 // Notes which bodies something else bore in the last step.
-void BulletWorld::find_supported() {
-  for (OfBody& body : bodies_) body.supported = false;
-  const btDispatcher& dispatcher = *world_->getDispatcher();
+void Sleep::find_supported() {
+  for (AttachedBody& body : attached_.bodies) body.supported = false;
+  const btDispatcher& dispatcher = *now_.world.getDispatcher();
   for (int k = 0; k < dispatcher.getNumManifolds(); ++k) {
     const btPersistentManifold& manifold = *const_cast<btDispatcher&>(dispatcher).getManifoldByIndexInternal(k);
     const int one = name_of(*manifold.getBody0()).body, other = name_of(*manifold.getBody1()).body;
@@ -135,39 +117,40 @@ void BulletWorld::find_supported() {
     bool bears = false;
     for (int p = 0; p < manifold.getNumContacts(); ++p) bears |= manifold.getContactPoint(p).m_appliedImpulse > 0.0;
     for (int body : {one, other})
-      if (bears && body >= 0 && body < static_cast<int>(bodies_.size())) bodies_[body].supported = true;
+      if (bears && body >= 0 && body < static_cast<int>(attached_.bodies.size()))
+        attached_.bodies[body].supported = true;
   }
 }
 
 // Returns true if a body that is still may sleep: all its slots have ground, and it rests on something.
-bool BulletWorld::can_sleep(const OfBody& body) const {
+bool Sleep::can_sleep(const AttachedBody& body) {
   bool is_borne = body.supported;
-  for (const Role& role : body.roles) {
-    const Slot& slot = slots_[role.slot];
-    if (role.is_proxy || slot.object == nullptr || slot.ground == nullptr) return false;
+  for (int k : body.slots) {
+    const Slot& slot = attached_.slots[k];
+    if (slot.object == nullptr || slot.ground == nullptr) return false;
     btMultiBody* robot = robot_of(*slot.object);
     if (std::find(joined_.begin(), joined_.end(), robot) != joined_.end()) return false;
     is_borne |= slot.kind.is_remote;
     is_borne |= robot != nullptr && robot->getBaseCollider()->isStaticOrKinematicObject();
   }
-  return is_borne && joints_rest(*slots_[body.roles.front().slot].object, rules_.joint);
+  return is_borne && joints_rest(*attached_.slots[body.slots.front()].object, rules_.joint);
 }
 
-void BulletWorld::put_resting_to_sleep() {
+void Sleep::put_resting_to_sleep() {
   std::vector<int> still;
-  const double after = time_still(rules_, world_->getGravity().length());
-  list_slots();
-  for (int k : awake_) {
-    const Slot& slot = slots_[k];
-    if (slot.object == nullptr || moving_slot(bodies_[slot.body]) != &slot) continue;
-    const OfBody& body = bodies_[slot.body];
+  const double after = time_still(rules_, now_.world.getGravity().length());
+  attached_.list();
+  for (int k : attached_.awake) {
+    const Slot& slot = attached_.slots[k];
+    if (slot.object == nullptr || attached_.moving_slot(attached_.bodies[slot.body]) != &slot) continue;
+    const AttachedBody& body = attached_.bodies[slot.body];
     if (!body.wanted && body.still >= after && std::isfinite(body.still)) still.push_back(slot.body);
   }
   if (still.empty()) return;
   find_supported();
   for (int number : still) {
-    OfBody& body = bodies_[number];
-    btCollisionObject& object = *moving_slot(body)->object;
+    AttachedBody& body = attached_.bodies[number];
+    btCollisionObject& object = *attached_.moving_slot(body)->object;
     if (!can_sleep(body) || sleeps(object)) continue;
     body.sleeper.before = let_sleep(object);
     body.wanted = true;

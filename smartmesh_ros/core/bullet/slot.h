@@ -42,16 +42,17 @@ struct SlotKind {
 struct Slot {
   bool used = false, is_robot = false;
   SlotKind kind;
-  int body = -1, link = -1;
+  int body = -1, link = -1;                  // `body` -1 = it was removed from PyBullet
   int proxy = -1;                            // -1 = the body is only read
   btCollisionObject* object = nullptr;       // found anew in each step; null = it is gone
   btRigidBody* ground = nullptr;             // of the proxy, likewise
   btCollisionShape* shape_before = nullptr;  // of the proxy
   std::unique_ptr<GroundShape> shape;
   std::optional<BodyShape> body_shape;  // of each slot in use
-  Vec3 linear, angular;                 // of the body [m/s], [rad/s]
+  Vec3 linear, angular;                 // of the body, as last read [m/s], [rad/s]
   NearbyGround near;                    // in this step
   std::vector<NearbyDeck> decks;        // likewise
+  bool is_on_carrier = false;           // near a deck that a body carries which physics moves
   Vec3 pull;            // what gravity and applied forces added to a rigid body's velocity in the last step [m/s]
   Vec3 ground_angular;  // of the ground at a contact that has rolling or spinning friction, in the last step [rad/s]
   Vec3 last_ground{0.0, 0.0, std::numeric_limits<double>::quiet_NaN()};  // as of `check_falls`; z NaN = none yet
@@ -61,15 +62,19 @@ struct Slot {
   std::unordered_map<const btCollisionShape*, KnownPart> parts;
   std::vector<const btCollisionShape*> leaves;  // convex parts of its shape, found when one first touches soil
   SoilParts on_soil;
-};
 
-// What a slot knows of the past beside contacts, as numbers of Python; see Rest and Slot.
-struct SlotMemory {
-  double still = 0.0;
-  Pose anchor;
-  Vec3 pull, ground_angular, last_ground;
-  double falls = 0.0;
+  void read_velocity();
+  // Writes the state of the body; false if it is gone.
+  bool read(BodyState& state);
+  // Returns a part of the shape as it collides now; null if its kind is not known.
+  const Convex* convex_of_part(const btCollisionShape& part);
+  // Returns the number of a part among `leaves`.
+  int part_number(const btCollisionShape& part);
+  void find_leaves();
+  // Returns the axis that the surface runs about in the world, as long as its speed [m/s].
+  Vec3 belt_axis() const;
+  // Lets a body that PyBullet may put to sleep by its own rule start anew.
+  void stir() const;
 };
-static_assert(sizeof(SlotMemory) == 23 * sizeof(double));
 
 }  // namespace smartmesh

@@ -1,8 +1,8 @@
-// What wakes attached bodies that sleep. Bullet wakes an island in the step in which something awake comes near; here
-// is what wakes it beside that.
+// What wakes attached bodies that sleep.
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 
-#include "bullet/world.h"
+#include "bullet/sleep.h"
+#include "bullet/untouchable.h"
 
 namespace smartmesh {
 
@@ -22,23 +22,16 @@ bool moves_itself(const btCollisionObject& object) { return !object.isStaticOrKi
 
 }  // namespace
 
-// Lets a body that PyBullet may put to sleep by its own rule start anew.
-void BulletWorld::stir(const Slot& slot) {
-  if (btMultiBody* robot = robot_of(*slot.object)) robot->wakeUp();
-  slot.object->activate();
+void Sleep::wake_all() {
+  attached_.find_objects();
+  for (std::size_t k = 0; k < attached_.bodies.size(); ++k) wake(static_cast<int>(k));
 }
 
-void BulletWorld::wake_all() {
-  find_objects();
-  for (std::size_t k = 0; k < bodies_.size(); ++k) wake_body(static_cast<int>(k));
-}
-
-void BulletWorld::wake_body(int body) {
-  OfBody& it = of_body(body);
+void Sleep::wake(int body) {
+  AttachedBody& it = attached_.body(body);
   btCollisionObject* object = nullptr;
-  for (const Role& role : it.roles) {
-    if (role.is_proxy) continue;
-    Slot& slot = slots_[role.slot];
+  for (int k : it.slots) {
+    Slot& slot = attached_.slots[k];
     slot.rest.still = 0.0;
     if (slot.object != nullptr && !slot.object->isStaticOrKinematicObject()) object = slot.object;
     if (slot.rest.asleep) note_awake(slot);
@@ -46,14 +39,14 @@ void BulletWorld::wake_body(int body) {
   it.still = 0.0, it.wanted = false;
   if (object != nullptr) {
     const bool slept = sleeps(*object);
-    rouse(*object, it.sleeper.before, world_->getGravity());
-    if (slept && stepping_) add_weight(*object, world_->getGravity());
+    rouse(*object, it.sleeper.before, now_.world.getGravity());
+    if (slept && now_.stepping) add_weight(*object, now_.world.getGravity());
   }
   it.sleeper = {};
 }
 
 // Wakes the sleeping bodies whose bounds meet some bounds.
-void BulletWorld::wake_in(const Bounds& bounds) {
+void Sleep::wake_in(const Bounds& bounds) {
   struct Waker final : btBroadphaseAabbCallback {
     std::vector<int> found;
     bool process(const btBroadphaseProxy* proxy) override {
@@ -62,38 +55,38 @@ void BulletWorld::wake_in(const Bounds& bounds) {
       return true;
     }
   } waker;
-  world_->getBroadphase()->aabbTest(to_bullet(bounds.low), to_bullet(bounds.high), waker);
+  now_.world.getBroadphase()->aabbTest(to_bullet(bounds.low), to_bullet(bounds.high), waker);
   for (int body : waker.found)
-    if (body >= 0 && body < static_cast<int>(bodies_.size()) && !bodies_[body].roles.empty()) wake_body(body);
+    if (attached_.has_body(body)) wake(body);
 }
 
-void BulletWorld::wake_disturbed() {
-  list_slots();
-  if (stepping_) note_driven();
-  for (int k : awake_) {  // somebody put it to sleep through PyBullet
-    Slot& slot = slots_[k];
+void Sleep::wake_disturbed() {
+  attached_.list();
+  if (now_.stepping) note_driven();
+  for (int k : attached_.awake) {  // somebody put it to sleep through PyBullet
+    Slot& slot = attached_.slots[k];
     if (slot.object != nullptr && sleeps(*slot.object) && !slot.object->isStaticOrKinematicObject()) note_asleep(slot);
   }
   find_joined();
-  list_slots();
-  if (world_->getGravity() != gravity_) wake_all();
-  gravity_ = world_->getGravity();
-  if (asleep_.empty()) {
+  attached_.list();
+  if (now_.world.getGravity() != gravity_) wake_all();
+  gravity_ = now_.world.getGravity();
+  if (attached_.asleep.empty()) {
     beside_.clear(), vacated_.clear();
-    others_listed_ = false;
+    beside_of_ = -1;
     return;
   }
   wake_beside_others();
-  ground_stands_ = terrain->revision() == revision_ && !terrain->moves(time);
-  revision_ = terrain->revision();
+  ground_stands_ = now_.terrain->revision() == revision_ && !now_.terrain->moves(now_.time);
+  revision_ = now_.terrain->revision();
   std::vector<int> disturbed;
-  for (int k : asleep_)
-    if (slots_[k].rest.asleep && is_disturbed(slots_[k])) disturbed.push_back(k);
-  for (int k : disturbed) follow_corrections(bodies_[slots_[k].body], 0.0);
-  for (int body : corrected_) follow_corrections(bodies_[body], rules_.tolerance.change);
+  for (int k : attached_.asleep)
+    if (attached_.slots[k].rest.asleep && is_disturbed(attached_.slots[k])) disturbed.push_back(k);
+  for (int k : disturbed) follow_corrections(attached_.bodies[attached_.slots[k].body], 0.0);
+  for (int body : corrected_) follow_corrections(attached_.bodies[body], rules_.tolerance.change);
   corrected_.clear();
   raise_contacts();
-  for (int k : disturbed) wake_body(slots_[k].body);
+  for (int k : disturbed) wake(attached_.slots[k].body);
   find_ways();
   while (!vacated_.empty()) {  // what wakes wakes what it touches
     const Bounds bounds = vacated_.back();
@@ -103,17 +96,17 @@ void BulletWorld::wake_disturbed() {
 }
 
 // Notes where awake bodies come to in the coming step.
-void BulletWorld::find_ways() {
+void Sleep::find_ways() {
   const auto add_way = [&](const btCollisionObject& object, const Vec3& velocity) {
     Bounds bounds = bounds_of(object);
     const Bounds start = bounds;
-    bounds.add(start.low + velocity * duration), bounds.add(start.high + velocity * duration);
+    bounds.add(start.low + velocity * now_.duration), bounds.add(start.high + velocity * now_.duration);
     vacated_.push_back(bounds);
   };
-  for (int k : awake_) {
-    Slot& slot = slots_[k];
+  for (int k : attached_.awake) {
+    Slot& slot = attached_.slots[k];
     if (slot.object == nullptr || slot.object->isStaticOrKinematicObject()) continue;
-    read_velocity(slot);
+    slot.read_velocity();
     add_way(*slot.object, slot.linear);
   }
   for (const Beside& it : beside_) {
@@ -122,24 +115,26 @@ void BulletWorld::find_ways() {
   }
 }
 
-bool BulletWorld::is_disturbed(Slot& slot) {
+bool Sleep::is_disturbed(Slot& slot) {
   if (slot.object == nullptr || !sleeps(*slot.object)) return true;  // Bullet or its user woke it
   if (!(slot.rest.pose == slot.object->getWorldTransform())) return true;
   if (slot.rest.is_first && is_pushed(*slot.object)) return true;
-  if (slot.rest.is_first && slot.is_robot && motors_of(*slot.object) != bodies_[slot.body].sleeper.motors) return true;
+  if (slot.rest.is_first && slot.is_robot && motors_of(*slot.object) != attached_.bodies[slot.body].sleeper.motors)
+    return true;
   return is_another_ground(slot);
 }
 
 // The ground is compared again after an update of it, and in each step while it moves.
-bool BulletWorld::is_another_ground(Slot& slot) {
+bool Sleep::is_another_ground(Slot& slot) {
   Rest& rest = slot.rest;
   if (rest.calm && ground_stands_) return false;
-  const bool same_tiles = rest.layout == terrain->layout();
-  if (!same_tiles) terrain->blocks_under(rest.bounds, time, rest.blocks), rest.layout = terrain->layout();
-  const Updates now = terrain->updates_of(rest.blocks, time);
+  const bool same_tiles = rest.layout == now_.terrain->layout();
+  if (!same_tiles)
+    now_.terrain->blocks_under(rest.bounds, now_.time, rest.blocks), rest.layout = now_.terrain->layout();
+  const Updates now = now_.terrain->updates_of(rest.blocks, now_.time);
   if (rest.calm && same_tiles && rest.updates == now.count) return false;
   GroundUnder& found = ground_;
-  terrain->ground_under(rest.bounds, time, found);
+  now_.terrain->ground_under(rest.bounds, now_.time, found);
   rest.updates = now.count;
   rest.calm = !now.settles;
   rest.samples = 0;
@@ -148,13 +143,13 @@ bool BulletWorld::is_another_ground(Slot& slot) {
   if (differs(rest.ground, found, rules_.tolerance)) return true;
   if (!now.moves) return false;
   GroundUnder& next = next_;
-  terrain->ground_under(rest.bounds, time + duration, next);
+  now_.terrain->ground_under(rest.bounds, now_.time + now_.duration, next);
   rest.calm = rest.calm && next.heights == found.heights && next.vertices == found.vertices;
   return differs(rest.ground, next, rules_.tolerance);
 }
 
 // Wakes what lies where something moved or went that Bullet wakes nobody for: it does not move by physics, or slept.
-void BulletWorld::wake_beside_others() {
+void Sleep::wake_beside_others() {
   look_beside();
   for (Beside& it : beside_) {
     const btTransform& pose = it.object->getWorldTransform();
@@ -166,18 +161,19 @@ void BulletWorld::wake_beside_others() {
 
 // Looks where objects are that are not attached or do not move by physics, if PyBullet made or removed any. What is
 // gone has left its place.
-void BulletWorld::look_beside() {
-  if (others_listed_) return;
-  others_listed_ = true;
+void Sleep::look_beside() {
+  if (beside_of_ == attached_.searches()) return;
+  beside_of_ = attached_.searches();
   std::unordered_map<const btCollisionObject*, Beside> before;
   for (const Beside& it : beside_) before[it.object] = it;
   beside_.clear();
-  const auto& objects = world_->getCollisionObjectArray();
+  const auto& objects = now_.world.getCollisionObjectArray();
   for (int k = 0; k < objects.size(); ++k) {
     const btCollisionObject& object = *objects[k];
     if (object.getCollisionShape()->getShapeType() == GROUND_SHAPE_TYPE || object.getBroadphaseHandle() == nullptr)
       continue;
-    if (is_untouchable(object) || (!object.isStaticOrKinematicObject() && is_attached(object))) continue;
+    if (is_untouchable(object) || (!object.isStaticOrKinematicObject() && attached_.has_body(name_of(object).body)))
+      continue;
     const auto known = before.find(&object);
     beside_.push_back(known == before.end() ? Beside{&object, object.getWorldTransform(), bounds_of(object)}
                                             : known->second);
@@ -186,9 +182,9 @@ void BulletWorld::look_beside() {
   for (const auto& [object, it] : before) vacated_.push_back(it.bounds);
 }
 
-bool BulletWorld::is_attached(const btCollisionObject& object) const {
-  const int body = name_of(object).body;
-  return body >= 0 && body < static_cast<int>(bodies_.size()) && !bodies_[body].roles.empty();
+void Sleep::forget() {
+  vacated_.clear(), beside_.clear();
+  revision_ = beside_of_ = -1;
 }
 
 }  // namespace smartmesh

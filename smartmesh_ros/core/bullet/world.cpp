@@ -1,111 +1,64 @@
 #include "bullet/world.h"
 
-#include <algorithm>
-#include <stdexcept>
-
 #include <BulletDynamics/Dynamics/btRigidBody.h>
-#include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
 
 #include "bullet/broadphase.h"
-#include "bullet/link_motion.h"
+#include "bullet/carrier.h"
 
 namespace smartmesh {
 
-ObjectName name_of(const btCollisionObject& object) {
-  if (const auto* collider = btMultiBodyLinkCollider::upcast(&object))
-    return {collider->m_multiBody->getUserIndex2(), collider->m_link};
-  return {object.getUserIndex2(), -1};
-}
-
-BulletWorld::BulletWorld(WorldPlace place) : place_(place) { look(); }
-
-void BulletWorld::look() {
-  btDiscreteDynamicsWorld* now = *place_;
-  // A new world may lie where the one before was; its dispatcher does not know the ground.
-  if (now != world_ || (now != nullptr && !algorithms_.are_in(*now))) enter(now);
-}
-
-void BulletWorld::enter(btDiscreteDynamicsWorld* world) {
-  world_ = world;
-  terrain = &nothing_;
-  soil = nullptr;
-  ++worlds_;
-  owned = drawn = false;
-  rescues_ = 0;
-  slots_.clear();
-  bodies_.clear();
-  gone_ = 0;
-  is_hooked_ = stepping_ = false;
-  beside_.clear();
-  rules_ = {};
-  vacated_.clear();
-  told_.clear(), carried_.clear();
-  ++sleep_changes_, objects_known_ = -1;
-  if (world == nullptr) return;
-  algorithms_.enter(*world);
-  world->getSolverInfo().m_solverMode |= SOLVER_ENABLE_FRICTION_DIRECTION_CACHING;  // read the directions of our points
+BulletWorld::BulletWorld(btDiscreteDynamicsWorld& world, int of_number)
+    : number(of_number),
+      now{world, &nothing_},
+      attached(world),
+      sleep(now, attached),
+      decks_(now, attached, sleep),
+      narrowphase_(now, attached, decks_) {
+  algorithms_.enter(world);
+  world.getSolverInfo().m_solverMode |= SOLVER_ENABLE_FRICTION_DIRECTION_CACHING;  // read the directions of our points
   // Contacts are solved in the order of their bodies. Bullet's own order depends on where it allocated memory, and on
   // what is drawn.
-  world->getDispatchInfo().m_deterministicOverlappingPairs = true;
+  world.getDispatchInfo().m_deterministicOverlappingPairs = true;
 }
 
-void require_rigid(const btCollisionObject& object) {
-  if (object.getInternalType() == btCollisionObject::CO_SOFT_BODY)
-    throw std::invalid_argument("it is soft, and only rigid bodies and robots collide with the map");
-}
-
-bool BulletWorld::leave() {
-  look();
-  if (world_ == nullptr) return true;
-  release();
-  untouchable_.leave(*world_);
-  world_ = nullptr;
-  return false;
-}
-
-btCollisionObject* BulletWorld::find(int body, int link) const {
-  auto& objects = world_->getCollisionObjectArray();
-  for (int k = 0; k < objects.size(); ++k) {
-    const ObjectName name = name_of(*objects[k]);
-    if (name.body == body && name.link == link) return objects[k];
-  }
-  return nullptr;
+// The dispatcher of another world does not know the ground.
+bool BulletWorld::is_in(const btDiscreteDynamicsWorld* world) const {
+  return &now.world == world && algorithms_.are_in(*world);
 }
 
 void BulletWorld::release() {
-  for (std::size_t k = 0; k < slots_.size(); ++k)
-    if (slots_[k].used) detach(static_cast<int>(k));
-  terrain = &nothing_;
-  rules_ = {};
-  soil = nullptr;
-  owned = drawn = false;
+  for (std::size_t k = 0; k < attached.slots.size(); ++k)
+    if (attached.slots[k].used) detach(static_cast<int>(k));
+  now.terrain = &nothing_;
+  now.soil = nullptr;
+  sleep.set_rules({});
+  owned = now.drawn = false;
 }
 
-BulletWorld::OfBody& BulletWorld::of_body(int body) {
-  if (body >= static_cast<int>(bodies_.size())) bodies_.resize(body + 1);
-  return bodies_[body];
+void BulletWorld::leave() {
+  release();
+  untouchable_.leave(now.world);
 }
 
-bool BulletWorld::attach(int index, int body, int link, int proxy, const BodyShape& shape) {
-  btCollisionObject* object = find(body, link);
-  btCollisionObject* found = proxy < 0 ? nullptr : find(proxy, -1);
+bool BulletWorld::attach(int index, const ObjectName& name, int proxy, const BodyShape& shape) {
+  btCollisionObject* object = find_object(now.world, name);
+  btCollisionObject* found = proxy < 0 ? nullptr : find_object(now.world, {proxy, -1});
   btRigidBody* ground = found == nullptr ? nullptr : btRigidBody::upcast(found);
   if (object == nullptr || (proxy >= 0 && ground == nullptr)) return false;
   require_rigid(*object);
-  if (!is_hooked_) hook_.enter(*world_), is_hooked_ = true;
-  if (index >= static_cast<int>(slots_.size())) slots_.resize(index + 1);
-  Slot& slot = slots_[index];
+  if (!is_hooked_) hook_.enter(now.world), is_hooked_ = true;
+  if (index >= static_cast<int>(attached.slots.size())) attached.slots.resize(index + 1);
+  Slot& slot = attached.slots[index];
   slot = Slot{};
   slot.used = true, slot.is_robot = robot_of(*object) != nullptr;
-  slot.body = body, slot.link = link, slot.proxy = proxy;
+  slot.body = name.body, slot.link = name.link, slot.proxy = proxy;
   slot.object = object, slot.ground = ground;
   slot.kind.is_solid = ground != nullptr;
   slot.body_shape = shape;
   slot.rest.radius = bounding_radius(*object);
-  of_body(body).roles.push_back({index, false});
-  ++sleep_changes_, objects_known_ = -1;
+  attached.body(name.body).slots.push_back(index);
+  attached.note_change();
   if (ground == nullptr) return true;
-  of_body(proxy).roles.push_back({index, true});
   slot.shape = std::make_unique<GroundShape>(this, index);
   slot.shape_before = ground->getCollisionShape();
   ground->setCollisionShape(slot.shape.get());
@@ -113,97 +66,57 @@ bool BulletWorld::attach(int index, int body, int link, int proxy, const BodySha
 }
 
 void BulletWorld::detach(int index) {
-  find_objects();
-  Slot& slot = slots_[index];
-  if (slot.body >= 0)
-    wake_body(slot.body);
-  else
-    --gone_;
+  attached.find_objects();
+  wake(index);
+  const Slot& slot = attached.slots[index];
   if (slot.ground != nullptr) {  // nobody removed it from PyBullet: it stays, where nothing meets it
     slot.ground->setCollisionShape(slot.shape_before);
     const btVector3 away(0, 0, FAR_BELOW);
     slot.ground->setWorldTransform(btTransform(btQuaternion::getIdentity(), away));
-    world_->getBroadphase()->setAabb(slot.ground->getBroadphaseHandle(), away, away, world_->getDispatcher());
+    now.world.getBroadphase()->setAabb(slot.ground->getBroadphaseHandle(), away, away, now.world.getDispatcher());
   }
-  for (int body : {slot.body, slot.proxy}) {
-    if (body < 0) continue;
-    auto& roles = of_body(body).roles;
-    roles.erase(std::remove_if(roles.begin(), roles.end(), [&](const Role& role) { return role.slot == index; }),
-                roles.end());
-  }
-  slot = Slot{};
-  ++sleep_changes_, objects_known_ = -1;
+  attached.remove(index);
 }
 
 void BulletWorld::note_removed(int body) {
-  objects_known_ = -1;
-  if (body < 0 || body >= static_cast<int>(bodies_.size())) return;
-  for (const Role& role : bodies_[body].roles) {
-    Slot& slot = slots_[role.slot];
-    if (role.is_proxy) {
-      slot.ground = nullptr;
-      continue;
-    }
-    if (slot.rest.asleep) note_awake(slot);
-    slot.object = nullptr, slot.body = -1;
-    ++gone_;
-  }
-  bodies_[body] = {};
-}
-
-std::vector<int> BulletWorld::find_gone() const {
-  std::vector<int> found;
-  for (std::size_t k = 0; gone_ > 0 && k < slots_.size(); ++k)
-    if (slots_[k].used && slots_[k].body < 0) found.push_back(static_cast<int>(k));
-  return found;
+  if (attached.has_body(body))
+    for (int k : attached.bodies[body].slots)
+      if (attached.slots[k].rest.asleep) sleep.note_awake(attached.slots[k]);
+  attached.note_removed(body);
 }
 
 bool BulletWorld::keep_apart(int body) {
-  btCollisionObject* object = find(body, -1);
-  if (object != nullptr) untouchable_.keep_apart(*world_, *object);
+  btCollisionObject* object = find_object(now.world, {body, -1});
+  if (object != nullptr) untouchable_.keep_apart(now.world, *object);
   return object != nullptr;
 }
 
 void BulletWorld::drive(int index, const Belt& belt) {
-  find_objects();
-  slots_[index].belt = belt;
+  attached.find_objects();
+  attached.slots[index].belt = belt;
   wake(index);
 }
 
-void BulletWorld::find_objects() {
-  if (objects_known_ == world_->getNumCollisionObjects()) return;
-  objects_known_ = world_->getNumCollisionObjects();
-  others_listed_ = false;
-  carried_layout_ = -1;
-  for (Slot& slot : slots_) slot.object = nullptr, slot.ground = nullptr;
-  auto& objects = world_->getCollisionObjectArray();
-  for (int k = 0; k < objects.size(); ++k) {
-    btCollisionObject* object = objects[k];
-    const auto [body, link] = name_of(*object);
-    if (body < 0 || body >= static_cast<int>(bodies_.size())) continue;
-    for (const Role& role : bodies_[body].roles) {
-      Slot& slot = slots_[role.slot];
-      if (!role.is_proxy && slot.link == link) slot.object = object;
-      if (role.is_proxy && object->getCollisionShape() == slot.shape.get()) slot.ground = btRigidBody::upcast(object);
-    }
-  }
+void BulletWorld::wake(int index) {
+  if (const int body = attached.slots[index].body; body >= 0) sleep.wake(body);
 }
 
-void BulletWorld::read_velocity(Slot& slot) const {
-  if (auto* collider = btMultiBodyLinkCollider::upcast(slot.object)) {
-    const LinkVelocity velocity = link_velocity(*collider->m_multiBody, collider->m_link);
-    slot.linear = velocity.linear, slot.angular = velocity.angular;
-  } else if (auto* rigid = btRigidBody::upcast(slot.object)) {
-    slot.linear = from_bullet(rigid->getLinearVelocity()), slot.angular = from_bullet(rigid->getAngularVelocity());
-  }
+std::optional<Contact> BulletWorld::deepest_contact(int index) {
+  attached.find_objects();
+  return narrowphase_.deepest_contact(attached.slots[index]);
 }
 
-bool BulletWorld::read(int index, BodyState& state) {
-  Slot& slot = slots_[index];
-  if (slot.object == nullptr) return false;
-  read_velocity(slot);
-  state = {body_pose(slot.object->getWorldTransform()), slot.linear, slot.angular};
-  return true;
+void BulletWorld::forget() {
+  sleep.wake_all();
+  renew_broadphase(now.world);
+  sleep.forget(), decks_.forget();
+  for (Slot& slot : attached.slots) {
+    slot.pull = slot.ground_angular = {};
+    slot.rest.still = 0.0, slot.rest.anchor = Rest{}.anchor;
+    slot.on_soil.clear();
+  }
+  auto& objects = now.world.getCollisionObjectArray();
+  for (int k = 0; k < objects.size(); ++k) objects[k]->setDeactivationTime(0.0), renew_inertia(*objects[k]);
 }
 
 }  // namespace smartmesh

@@ -1,26 +1,21 @@
-// What the core reads in Bullet's memory, for a check that it was compiled for the PyBullet that runs.
-#include "bullet/world.h"
-
-#include <BulletDynamics/Dynamics/btRigidBody.h>
+#include "bullet/world_probe.h"
 
 #include "bullet/contact_points.h"
 
 namespace smartmesh {
 
-SolverSettings BulletWorld::settings() const {
-  const btContactSolverInfo& solver = world_->getSolverInfo();
-  return {from_bullet(world_->getGravity()), world_->getDispatchInfo().m_timeStep, solver.m_erp2, solver.m_frictionERP,
+SolverSettings settings_of(btDiscreteDynamicsWorld& world) {
+  const btContactSolverInfo& solver = world.getSolverInfo();
+  return {from_bullet(world.getGravity()), world.getDispatchInfo().m_timeStep, solver.m_erp2, solver.m_frictionERP,
           solver.m_linearSlop};
 }
 
-std::vector<OldContact> BulletWorld::contacts_of(int slot) {
-  find_objects();
+std::vector<OldContact> contacts_of(btDiscreteDynamicsWorld& world, const btCollisionObject& proxy) {
   std::vector<OldContact> found;
-  const btCollisionObject* ground = slots_[slot].ground;
-  btDispatcher& dispatcher = *world_->getDispatcher();
-  for (int k = 0; k < dispatcher.getNumManifolds() && ground != nullptr; ++k) {
+  btDispatcher& dispatcher = *world.getDispatcher();
+  for (int k = 0; k < dispatcher.getNumManifolds(); ++k) {
     const btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(k);
-    if (manifold.getBody0() == ground || manifold.getBody1() == ground) read_contacts(manifold, found);
+    if (manifold.getBody0() == &proxy || manifold.getBody1() == &proxy) read_contacts(manifold, found);
   }
   return found;
 }

@@ -32,7 +32,7 @@ std::map<int, BodyShape> shapes_of(int number, int body) {
   const StepLock lock;
   BulletWorld* world = world_of(number);
   if (world == nullptr) throw std::runtime_error("the PyBullet client is disconnected");
-  return link_shapes(world->bullet(), body);
+  return link_shapes(world->now.world, body);
 }
 
 std::vector<Vec3> points_of(const Doubles2& points) {

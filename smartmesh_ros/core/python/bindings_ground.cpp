@@ -5,7 +5,11 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include "bullet/falling.h"
+#include "bullet/memory.h"
+#include "bullet/moved_bodies.h"
 #include "bullet/world.h"
+#include "bullet/world_probe.h"
 #include "python/soil_binding.h"
 #include "python/tables.h"
 #include "step/step_lock.h"
@@ -34,8 +38,8 @@ struct Ground {
     if (found.world == nullptr) refuse("client", "the PyBullet client of this ground is disconnected");
     if (found->owned) refuse("client", "this PyBullet client has a ground already; close that one first");
     found->owned = true;
-    found->time = 0.0;
-    of_world = found->worlds();
+    found->now.time = 0.0;
+    of_world = found->number;
   }
   ~Ground() { release(); }
   Ground(const Ground&) = delete;
@@ -50,7 +54,7 @@ struct Ground {
   // Returns the world of this ground; null after `resetSimulation` or the end of the client.
   HeldWorld find_world() const {
     HeldWorld found{{}, world_of(number)};
-    if (found.world != nullptr && found->worlds() != of_world) found.world = nullptr;
+    if (found.world != nullptr && found->number != of_world) found.world = nullptr;
     return found;
   }
   HeldWorld world() const {
@@ -74,8 +78,8 @@ struct Ground {
     KeptTiles& wanted = nb::cast<KeptTiles&>(of);
     {
       const HeldWorld found = world();
-      found->terrain = &wanted.tiles;
-      found->wake_all();
+      found->now.terrain = &wanted.tiles;
+      found->sleep.wake_all();
     }
     tiles = of;
   }
@@ -83,16 +87,16 @@ struct Ground {
     Soil* wanted = of.is_none() ? nullptr : &nb::cast<Soil&>(of);
     {
       const HeldWorld found = world();
-      found->soil = wanted == nullptr ? nullptr : &wanted->soil;
-      found->wake_all();
+      found->now.soil = wanted == nullptr ? nullptr : &wanted->soil;
+      found->sleep.wake_all();
     }
     soil = of;
   }
   // Returns sinkage [m], area [m^2] and carried force [N] of each part of the body in a slot that touches the soil.
   auto on_soil(int slot) {
     std::vector<double> sums;
-    if (const HeldWorld found = world(); found->has(slot) && found->soil != nullptr) {
-      for (const auto& [number, part] : found->parts_on_soil(slot))
+    if (const HeldWorld found = world(); found->attached.has(slot) && found->now.soil != nullptr) {
+      for (const auto& [number, part] : found->attached.slots[slot].on_soil)
         if (part.sums.area > 0.0) sums.insert(sums.end(), {part.sums.sinkage, part.sums.area, part.sums.carried});
     }
     return array_of<double, 2>(sums, {sums.size() / 3, 3});
@@ -100,8 +104,8 @@ struct Ground {
   void attach(int slot, int body, int link, int proxy, const BodyShape& shape) {
     if (slot < 0 || slot > MOST_SLOTS) throw std::invalid_argument("a slot is a number from 0 to 2^24");
     const HeldWorld found = world();
-    if (found->has(slot)) throw std::invalid_argument("the slot is used already");
-    if (body < 0 || link < -1 || !found->attach(slot, body, link, proxy, shape))
+    if (found->attached.has(slot)) throw std::invalid_argument("the slot is used already");
+    if (body < 0 || link < -1 || !found->attach(slot, {body, link}, proxy, shape))
       throw std::invalid_argument("PyBullet has no such body, link or proxy");
   }
   void detach(int slot) {
@@ -111,7 +115,7 @@ struct Ground {
   // Sets what a slot is; see SlotKind.
   void set_kind(int slot, bool solid, bool own, bool remote) {
     const HeldWorld found = world();
-    found->set_kind(checked_slot(*found.world, slot), {solid, own, remote});
+    slot_in(found, slot).kind = {solid, own, remote};
   }
   void keep_apart(int body) {
     if (body < 0 || !world()->keep_apart(body)) throw std::invalid_argument("PyBullet has no such body");
@@ -120,33 +124,35 @@ struct Ground {
   void set_sleep(double after, double distance, double joint, double change, double noise, double most) {
     if (!(after >= 0.0) || std::isnan(distance + joint + change + noise + most))
       throw std::invalid_argument("the rules of sleep must be numbers, and the time not negative");
-    world()->set_rules({after, distance, joint, {change, noise, most}});
+    world()->sleep.set_rules({after, distance, joint, {change, noise, most}});
   }
   void wake(int slot) {
     const HeldWorld found = world();
-    found->find_objects();
+    found->attached.find_objects();
     found->wake(checked_slot(*found.world, slot));
   }
   bool is_asleep(int slot) const {
     const HeldWorld found = world();
-    return found->is_asleep(checked_slot(*found.world, slot));
+    return slot_in(found, slot).rest.asleep;
   }
   // Sets the time [s] and duration [s] of the next step. Returns false and sets nothing if somebody has to look before:
   // the client is gone, a step failed, bodies are gone, or the last step had another duration.
   bool begin(double start, double duration) {
     const HeldWorld found = find_world();
-    if (found.world == nullptr || found->has_fault() || found->has_gone() || found->duration != duration) return false;
-    found->time = start;
+    if (found.world == nullptr || found->has_fault() || found->attached.has_gone() || found->now.duration != duration)
+      return false;
+    found->now.time = start;
     return true;
   }
-  // Returns the slots of bodies that began to fall, and of those that are lost; see BulletWorld::check_falls.
+  // Returns the slots of bodies that began to fall, and of those that are lost; see bullet/falling.h.
   auto check_falls(double time, double depth) {
-    const Falls found = world()->check_falls(finite(time, "the time"), depth);
+    const HeldWorld held = world();
+    const Falls found = smartmesh::check_falls(held->now, held->attached, finite(time, "the time"), depth);
     return std::tuple(found.begun, found.lost);
   }
   auto last_ground(int slot) const {
     const HeldWorld found = world();
-    return tuple_of(found->last_ground(checked_slot(*found.world, slot)));
+    return tuple_of(slot_in(found, slot).last_ground);
   }
   // Moves the surface of the body in a slot about an axis (3,) at a `speed` [m/s]; see Belt.
   void drive(int slot, std::tuple<double, double, double> axis, double speed) {
@@ -164,7 +170,7 @@ struct Ground {
     {
       const HeldWorld held = world();
       for (std::size_t k = 0; k < slots.shape(0); ++k)
-        rows.push_back(held->memory_of(checked_slot(*held.world, slots.data()[k])));
+        rows.push_back(smartmesh::memory_of(slot_in(held, slots.data()[k])));
     }
     auto found = new_array<double, 2>({slots.shape(0), sizeof(SlotMemory) / sizeof(double)});
     std::copy(rows.begin(), rows.end(), reinterpret_cast<SlotMemory*>(found.data()));
@@ -174,39 +180,44 @@ struct Ground {
     const HeldWorld held = world();
     const auto* rows = records_of<const SlotMemory>(memory, "the memory");
     check_table(memory, slots.shape(0), sizeof(SlotMemory) / sizeof(double), "the memory");
-    for (std::size_t k = 0; k < slots.shape(0); ++k) held->recall(checked_slot(*held.world, slots.data()[k]), rows[k]);
+    for (std::size_t k = 0; k < slots.shape(0); ++k) smartmesh::recall(slot_in(held, slots.data()[k]), rows[k]);
+    held->sleep.take_gravity();
   }
   // Returns what a slot knows of its parts on the soil (n,), and takes it over.
   auto parts_memory(int slot) const {
     std::vector<double> found;
     {
       const HeldWorld held = world();
-      found = held->parts_memory(checked_slot(*held.world, slot));
+      found = smartmesh::parts_memory(slot_in(held, slot), held->now.soil);
     }
     return array_of<double, 1>(found, {found.size()});
   }
   void recall_parts(int slot, Doubles1 numbers) {
     const HeldWorld held = world();
     check_alignment(numbers.data(), sizeof(double));
-    held->find_objects();
-    if (!held->recall_parts(checked_slot(*held.world, slot), numbers.data(), numbers.shape(0)))
+    held->attached.find_objects();
+    if (!smartmesh::recall_parts(slot_in(held, slot), held->now.soil, numbers.data(), numbers.shape(0)))
       throw std::invalid_argument("the parts on the soil are those of another body");
   }
   static int checked_slot(const BulletWorld& held, std::int64_t slot) {
-    if (slot < 0 || slot > MOST_SLOTS || !held.has(static_cast<int>(slot)))
+    if (slot < 0 || slot > MOST_SLOTS || !held.attached.has(static_cast<int>(slot)))
       throw std::invalid_argument("no attached body has this slot");
     return static_cast<int>(slot);
+  }
+  static Slot& slot_in(const HeldWorld& held, std::int64_t slot) {
+    return held->attached.slots[checked_slot(*held.world, slot)];
   }
   // Writes the states of the bodies in `slots` (n,) to `states` (S, 13); NaN for bodies that are gone.
   void read(Slots slots, States states) {
     check_table(states, states.shape(0), BODY_COLUMNS, "states");
     const HeldWorld found = world();
-    found->find_objects();
+    found->attached.find_objects();
     for (std::size_t k = 0; k < slots.shape(0); ++k) {
       const std::int64_t slot = slots.data()[k];
       if (slot < 0 || slot >= static_cast<std::int64_t>(states.shape(0)))
         throw std::invalid_argument("a slot is not in states");
-      if (!found->has(static_cast<int>(slot)) || !found->read(static_cast<int>(slot), rows_of<BodyState>(states)[slot]))
+      if (!found->attached.has(static_cast<int>(slot)) ||
+          !found->attached.slots[slot].read(rows_of<BodyState>(states)[slot]))
         std::fill_n(states.data() + BODY_COLUMNS * slot, BODY_COLUMNS, std::numeric_limits<double>::quiet_NaN());
     }
   }
@@ -219,7 +230,7 @@ struct Ground {
   }
   // Returns gravity (3) [m/s^2], duration [s], erp, friction erp and slop [m] of the world's solver (7,).
   auto settings() const {
-    const SolverSettings found = world()->settings();
+    const SolverSettings found = settings_of(world()->now.world);
     const Vec3& g = found.gravity;
     return array_of<double, 1>({g.x, g.y, g.z, found.duration, found.erp, found.friction_erp, found.slop}, {7});
   }
@@ -227,8 +238,10 @@ struct Ground {
   // the last step (n, 7).
   auto contacts_of(int slot) {
     std::vector<double> rows;
-    if (const HeldWorld found = world(); found->has(slot)) {
-      for (const OldContact& c : found->contacts_of(slot))
+    const HeldWorld found = world();
+    found->attached.find_objects();
+    if (const Slot& it = slot_in(found, slot); it.ground != nullptr) {
+      for (const OldContact& c : smartmesh::contacts_of(found->now.world, *it.ground))
         rows.insert(rows.end(),
                     {c.point.x, c.point.y, c.point.z, c.normal_impulse, c.friction.x, c.friction.y, c.friction.z});
     }
@@ -239,10 +252,10 @@ struct Ground {
 // A number of the world that Python may read and write.
 template <auto member>
 void add_number(nb::class_<Ground>& ground, const char* name) {
-  using Number = std::remove_reference_t<decltype(std::declval<BulletWorld&>().*member)>;
+  using Number = std::remove_reference_t<decltype(std::declval<Instant&>().*member)>;
   ground.def_prop_rw(
-      name, [](const Ground& g) { return g.world().world->*member; },
-      [](Ground& g, Number value) { g.world().world->*member = value; });
+      name, [](const Ground& g) { return g.world()->now.*member; },
+      [](Ground& g, Number value) { g.world()->now.*member = value; });
 }
 
 }  // namespace
@@ -261,36 +274,40 @@ void add_ground(nb::module_& m) {
       .def("detach", &Ground::detach, "slot"_a)
       .def("set_sleep", &Ground::set_sleep, "after"_a, "distance"_a, "joint"_a, "change"_a, "noise"_a, "most"_a)
       .def("wake", &Ground::wake, "slot"_a)
-      .def("wake_all", [](const Ground& g) { g.world()->wake_all(); })
+      .def("wake_all", [](const Ground& g) { g.world()->sleep.wake_all(); })
       .def("begin", &Ground::begin, "time"_a, "duration"_a)
       .def("update", [](const Ground& g) { g.world()->update(); })
       .def_prop_ro("rescues", [](const Ground& g) { return g.world()->rescues(); })
       .def("check_falls", &Ground::check_falls, "time"_a, "depth"_a)
-      .def("find_falling", [](const Ground& g) { return g.world()->find_falling(); })
+      .def("find_falling", [](const Ground& g) { return find_falling(g.world()->attached); })
       .def("last_ground", &Ground::last_ground, "slot"_a)
-      .def("find_below", [](const Ground& g) { return g.world()->find_below(); })
+      .def("find_below",
+           [](const Ground& g) {
+             const HeldWorld held = g.world();
+             return find_below(held->now, held->attached);
+           })
       .def(
-          "find_nowhere", [](const Ground& g, double farthest) { return g.world()->find_nowhere(farthest); },
+          "find_nowhere", [](const Ground& g, double farthest) { return find_nowhere(g.world()->attached, farthest); },
           "farthest"_a)
-      .def("find_gone", [](const Ground& g) { return g.world()->find_gone(); })
+      .def("find_gone", [](const Ground& g) { return g.world()->attached.find_gone(); })
       .def("is_asleep", &Ground::is_asleep, "slot"_a)
-      .def("find_asleep", [](const Ground& g) { return g.world()->find_asleep(); })
+      .def("find_asleep", [](const Ground& g) { return g.world()->attached.list_asleep(); })
       .def("drive", &Ground::drive, "slot"_a, "axis"_a, "speed"_a)
       .def("memory_of", &Ground::memory_of, "slots"_a.noconvert())
       .def("recall", &Ground::recall, "slots"_a.noconvert(), "memory"_a.noconvert())
       .def("parts_memory", &Ground::parts_memory, "slot"_a)
       .def("recall_parts", &Ground::recall_parts, "slot"_a, "numbers"_a.noconvert())
-      .def("take_restored", [](const Ground& g) { g.world()->take_restored(); })
+      .def("take_restored", [](const Ground& g) { take_restored(g.world()->now.world); })
       .def("forget", [](const Ground& g) { g.world()->forget(); })
       .def("keep_apart", &Ground::keep_apart, "body"_a)
       .def("settings", &Ground::settings)
       .def("deepest_contact", &Ground::deepest_contact, "slot"_a)
       .def("contacts_of", &Ground::contacts_of, "slot"_a)
       .def("read", &Ground::read, "slots"_a.noconvert(), "states"_a.noconvert());
-  add_number<&BulletWorld::time>(ground, "time");
-  add_number<&BulletWorld::duration>(ground, "duration");
-  add_number<&BulletWorld::margin>(ground, "margin");
-  add_number<&BulletWorld::drawn>(ground, "drawn");
+  add_number<&Instant::time>(ground, "time");
+  add_number<&Instant::duration>(ground, "duration");
+  add_number<&Instant::margin>(ground, "margin");
+  add_number<&Instant::drawn>(ground, "drawn");
 }
 
 }  // namespace smartmesh

@@ -12,6 +12,7 @@ from smartmesh_ros import HeightMap
 from smartmesh_ros.ground.state import BODY_COLUMNS
 from studies.report.config import ReportConfig
 from studies.report.patches import ChosenPatches, PatchBatch, mesh_twist
+from tests.examples import examples
 
 SOLID = ReportConfig(kind="trimesh")  # whose patches have the extent that the body's size asks for
 
@@ -28,6 +29,7 @@ def patches_of(
     return chosen.batches
 
 
+@examples(30)
 @given(
     st.floats(-2, 2), st.floats(-0.9, 0.9), st.floats(-0.9, 0.9), st.floats(-3.1, 3.1), st.sampled_from([0.1, 0.3, 0.7])
 )

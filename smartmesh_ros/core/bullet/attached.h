@@ -1,0 +1,64 @@
+// The bodies and links that are attached to the ground in a Bullet world.
+#pragma once
+
+#include <vector>
+
+#include "bullet/slot.h"
+
+namespace smartmesh {
+
+// What belongs to a PyBullet body: the `slots` of its attached links. `still` [s]: time for which all of them are.
+// `wanted`: it was asked to sleep. `driven`: somebody pushes it or drives its joints. `supported`: something else bore
+// it in the last step.
+struct AttachedBody {
+  std::vector<int> slots;
+  Sleeper sleeper;
+  double still = 0.0;
+  bool wanted = false, driven = false, supported = false;
+};
+
+class Attached {
+ public:
+  explicit Attached(btDiscreteDynamicsWorld& world) : world_(world) {}
+
+  std::vector<Slot> slots;
+  std::vector<AttachedBody> bodies;  // by PyBullet's numbers
+  std::vector<int> awake, asleep;    // slots in use, as of `list`
+
+  bool has(int slot) const { return slot >= 0 && slot < static_cast<int>(slots.size()) && slots[slot].used; }
+  // Returns what belongs to a PyBullet body, making it if needed; and true if links of it are attached.
+  AttachedBody& body(int number);
+  bool has_body(int number) const;
+  // Returns the slot of a ground proxy; null of other objects.
+  Slot* slot_of(const btCollisionObject& proxy);
+  bool is_proxy_of(const btCollisionObject& proxy, const btCollisionObject& body);
+  // Returns the first link of a body that physics moves; null if there is none.
+  Slot* moving_slot(const AttachedBody& body);
+
+  // Finds the objects of all slots, if PyBullet made or removed any since.
+  void find_objects();
+  void note_change() { known_ = -1, ++rest_changes_; }
+  // Number of times that the objects were found.
+  long searches() const { return searches_; }
+  // What was attached of a body that PyBullet removed is gone for good: PyBullet gives its number to another.
+  void note_removed(int number);
+  bool has_gone() const { return gone_ > 0; }
+  // Returns the slots whose bodies were removed from PyBullet.
+  std::vector<int> find_gone() const;
+  // Takes a slot out of use.
+  void remove(int slot);
+
+  // Lists the slots by whether their bodies sleep.
+  void list();
+  const std::vector<int>& list_asleep() { return list(), asleep; }
+  void note_rest_change() { ++rest_changes_; }
+
+ private:
+  btDiscreteDynamicsWorld& world_;
+  int known_ = -1;  // number of objects when they were found last; -1 = they changed since
+  long searches_ = 0;
+  int gone_ = 0;  // number of slots whose bodies were removed
+  long rest_changes_ = 0, listed_at_ = -1;
+};
+
+}  // namespace smartmesh

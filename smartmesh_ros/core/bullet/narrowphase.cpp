@@ -1,0 +1,135 @@
+#include "bullet/narrowphase.h"
+
+#include <BulletCollision/CollisionDispatch/btCollisionObjectWrapper.h>
+
+#include "bullet/bodies_on_soil.h"
+#include "bullet/shape_parts.h"
+#include "contact/foundation.h"
+
+namespace smartmesh {
+
+namespace {
+
+// Returns the pose of a shape that is turned in Bullet's frame of it.
+Pose pose_of(const Convex& shape, const btTransform& at) {
+  Pose pose = from_bullet(at);
+  for (Vec3& row : pose.rotation.row) row = rotated(shape.orientation.inverse(), row);
+  return pose;
+}
+
+}  // namespace
+
+void Narrowphase::touch(Slot& slot, const btCollisionObjectWrapper& part, btPersistentManifold& manifold, double step) {
+  const Convex* shape = slot.convex_of_part(*part.getCollisionShape());
+  if (shape == nullptr) return;
+  const Pose pose = pose_of(*shape, part.getWorldTransform());
+  read_contacts(manifold, before_);
+  const Approach approach = approach_of(slot, step);
+  const auto* rigid = btRigidBody::upcast(slot.object);
+  const Vec3 pull = rigid != nullptr ? from_bullet(rigid->getTotalForce() * (rigid->getInvMass() * step))
+                                     : from_bullet(now_.world.getGravity() * step);
+  on_decks_.clear(), seams_.clear();
+  if (!slot.decks.empty()) find_on_decks(slot, *shape, pose, step);
+  if (on_decks_.empty() && now_.soil != nullptr && now_.soil->is_under(pose.at, now_.time)) {
+    SoilPart& pressing = slot.on_soil[slot.part_number(*part.getCollisionShape())];
+    now_.soil->touch(*shape, pose, on_soil(now_, attached_, slot, step), before_, pressing, contacts_, rows_);
+  } else {
+    touch_ground(slot, *shape, pose, approach, pull);
+  }
+  // Friction against rolling, and that of robots if PyBullet's `frictionERP` is zero, aim at the proxy's velocity.
+  const bool turns =
+      !rows_.empty() && (rows_[0].friction.rolling + rows_[0].friction.spinning > 0.0 || anchor_time(step) == 0.0);
+  slot.ground_angular = turns ? contacts_[0].ground.angular : Vec3{};
+  if (rigid != nullptr) {  // robots have a solver with a cone of its own
+    // Bullet's anisotropic friction acts against velocities alone.
+    static const std::vector<OldContact> NONE;
+    const auto& before = slot.object->hasAnisotropicFriction() ? NONE : before_;
+    find_slips(contacts_, before, approach, {pull, slot.pull, mass_of(*slot.object)}, rows_);
+    slot.pull = pull;
+  }
+  const bool ground_is_b = manifold.getBody0() == slot.object;
+  const double slop = now_.world.getSolverInfo().m_linearSlop;
+  write_contacts(contacts_, rows_, before_, {*slot.object, *slot.ground, ground_is_b, step, slop, anchor_time(step)},
+                 manifold, told_);
+}
+
+void Narrowphase::touch_ground(const Slot& slot, const Convex& shape, const Pose& pose, const Approach& approach,
+                               const Vec3& pull) {
+  const double step = approach.duration;
+  search_.run(shape, pose, *now_.terrain, now_.time, approach.with_margin(slot.near.spread * step), contacts_);
+  contacts_.insert(contacts_.end(), on_decks_.begin(), on_decks_.end());
+  seams_.remove_hidden(search_, pose.to_world(shape.centre), contacts_);
+  choose_contacts(shape, pose, approach, before_, contacts_);
+  if (!on_decks_.empty()) carried_.let_yield(contacts_);
+  const bool has_material = now_.terrain->has_material();
+  if (has_material)
+    for (Contact& contact : contacts_)
+      if (contact.deck < 0) contact.material = now_.terrain->material(contact.point.x, contact.point.y, now_.time);
+  BodySurface own;
+  read_surface(*slot.object, *slot.ground, own);
+  if (slot.belt.speed != 0.0) own.belt = slot.belt_axis(), own.mass = mass_of(*slot.object);
+  const btContactSolverInfo& solver = now_.world.getSolverInfo();
+  find_rows(contacts_, approach, own, {solver.m_erp2, solver.m_linearSlop, solver.m_restitutionVelocityThreshold},
+            rows_);
+  place_in_mid_step(shape, pose, contacts_, approach, rows_);
+  if (!has_material) return;
+  lay_on_foundation(shape, pose, approach, own, contacts_, rows_);
+  resist_rolling(contacts_, approach, pull, rows_);
+}
+
+void Narrowphase::find_on_decks(const Slot& slot, const Convex& shape, const Pose& pose, double step) {
+  Approach body = approach_of(slot, step);
+  body.linear = slot.linear, body.ground = {};
+  const auto& decks = now_.terrain->decks();
+  for (const NearbyDeck& near : slot.decks)  // a sleeping body may know decks that are gone
+    if (near.number < static_cast<int>(decks.size()))
+      deck_search_.add(shape, pose, *decks[near.number], near, now_.time, body, on_decks_, seams_);
+}
+
+std::optional<Contact> Narrowphase::deepest_contact(Slot& slot) {
+  std::optional<Contact> deepest;
+  if (slot.object == nullptr) return deepest;
+  const auto look = [&](const btCollisionShape& part, const btTransform& at) {
+    const Convex* shape = part.isConvex() ? slot.convex_of_part(part) : nullptr;
+    if (shape == nullptr) return;
+    Approach still;
+    still.centre = from_bullet(at.getOrigin());
+    const Pose pose = pose_of(*shape, at);
+    search_.run(*shape, pose, *now_.terrain, now_.time, still, contacts_);
+    seams_.clear();
+    const auto& decks = now_.terrain->decks();
+    for (std::size_t k = 0; k < decks.size(); ++k)
+      if (decks[k]->body != slot.body)
+        deck_search_.add(*shape, pose, *decks[k], {static_cast<int>(k), {}, 0.0}, now_.time, still, contacts_, seams_);
+    seams_.remove_hidden(search_, pose.to_world(shape->centre), contacts_);
+    for (const Contact& contact : contacts_)
+      if (contact.distance <= 0.0 && (!deepest || contact.distance < deepest->distance)) deepest = contact;
+  };
+  for_each_part(*slot.object->getCollisionShape(), slot.object->getWorldTransform(), look);
+  return deepest;
+}
+
+void Narrowphase::restore_told() {
+  for (const TruePoint& point : told_) restore(point);
+  told_.clear();
+}
+
+double Narrowphase::anchor_time(double step) const {
+  const double share = now_.world.getSolverInfo().m_frictionERP;  // of a distance, closed in a step
+  return share > 0.0 ? step / share : 0.0;
+}
+
+Approach Narrowphase::approach_of(const Slot& slot, double step) const {
+  Approach approach;
+  approach.centre = from_bullet(slot.object->getWorldTransform().getOrigin());
+  approach.angular = slot.angular;
+  approach.linear = slot.linear - slot.near.velocity;
+  approach.duration = step;
+  approach.margin = now_.margin_in(step);
+  approach.gravity = from_bullet(now_.world.getGravity());
+  approach.ground = slot.near.velocity;
+  approach.ahead = step;
+  return approach;
+}
+
+}  // namespace smartmesh

@@ -1,0 +1,52 @@
+// Contacts of attached bodies with the ground of their proxies.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "bullet/carried_decks.h"
+#include "contact/contact_search.h"
+
+class btCollisionObjectWrapper;
+class btPersistentManifold;
+
+namespace smartmesh {
+
+class Narrowphase {
+ public:
+  Narrowphase(const Instant& now, Attached& attached, const CarriedDecks& carried)
+      : now_(now), attached_(attached), carried_(carried) {}
+
+  // Finds the contacts of a part of the body in a slot with the ground, in a step of some duration [s].
+  void touch(Slot& slot, const btCollisionObjectWrapper& part, btPersistentManifold& manifold, double step);
+  // Returns the deepest contact of the body in a slot with the ground now; none if it does not touch it.
+  std::optional<Contact> deepest_contact(Slot& slot);
+
+  // The points of this step, where the solver was told something else than what is true.
+  const std::vector<TruePoint>& told() const { return told_; }
+  // Writes what is true of them, for those who read it after the step.
+  void restore_told();
+  void forget_told() { told_.clear(); }
+
+ private:
+  Approach approach_of(const Slot& slot, double step) const;
+  // Returns the time in which the solver's friction closes a distance [s].
+  double anchor_time(double step) const;
+  void find_on_decks(const Slot& slot, const Convex& shape, const Pose& pose, double step);
+  // Finds the contacts and their rows with ground that is no soil.
+  void touch_ground(const Slot& slot, const Convex& shape, const Pose& pose, const Approach& approach,
+                    const Vec3& pull);
+
+  const Instant& now_;
+  Attached& attached_;
+  const CarriedDecks& carried_;
+  std::vector<Contact> contacts_, on_decks_;
+  std::vector<OldContact> before_;
+  std::vector<ContactRow> rows_;
+  std::vector<TruePoint> told_;
+  ContactSearch search_;
+  DeckSearch deck_search_;
+  Seams seams_;
+};
+
+}  // namespace smartmesh

@@ -1,0 +1,50 @@
+#include "bullet/objects.h"
+
+#include <stdexcept>
+
+#include <BulletCollision/CollisionShapes/btCollisionShape.h>
+#include <BulletDynamics/Dynamics/btRigidBody.h>
+
+namespace smartmesh {
+
+ObjectName name_of(const btCollisionObject& object) {
+  if (const auto* collider = btMultiBodyLinkCollider::upcast(&object))
+    return {collider->m_multiBody->getUserIndex2(), collider->m_link};
+  return {object.getUserIndex2(), -1};
+}
+
+btCollisionObject* find_object(btDiscreteDynamicsWorld& world, const ObjectName& name) {
+  auto& objects = world.getCollisionObjectArray();
+  for (int k = 0; k < objects.size(); ++k) {
+    const ObjectName found = name_of(*objects[k]);
+    if (found.body == name.body && found.link == name.link) return objects[k];
+  }
+  return nullptr;
+}
+
+void require_rigid(const btCollisionObject& object) {
+  if (object.getInternalType() == btCollisionObject::CO_SOFT_BODY)
+    throw std::invalid_argument("it is soft, and only rigid bodies and robots collide with the map");
+}
+
+btMultiBody* robot_of(btCollisionObject& object) {
+  auto* collider = btMultiBodyLinkCollider::upcast(&object);
+  return collider == nullptr ? nullptr : collider->m_multiBody;
+}
+
+double bounding_radius(const btCollisionObject& object) {
+  btVector3 centre;
+  btScalar radius;
+  object.getCollisionShape()->getBoundingSphere(centre, radius);
+  return centre.length() + radius;
+}
+
+double mass_of(const btCollisionObject& object) {
+  if (const auto* rigid = btRigidBody::upcast(&object)) return 1.0 / rigid->getInvMass();
+  const btMultiBody& body = *btMultiBodyLinkCollider::upcast(&object)->m_multiBody;
+  double mass = body.getBaseMass();
+  for (int link = 0; link < body.getNumLinks(); ++link) mass += body.getLink(link).m_mass;
+  return mass;
+}
+
+}  // namespace smartmesh
