@@ -4,7 +4,7 @@ export PYTHON
 RUN := scripts/workspace run
 STUDIES := python -m studies
 
-.PHONY: help demo view pictures renders docs test lint docs-check prepare fleet fleet-study bench studies robots start-study load soak tune tuning fuzz contacts sanitize clean soil rover height-scan friction tracks laws records replay-speed
+.PHONY: help demo view pictures renders docs test lint docs-check prepare fleet fleet-study bench studies robots load soak tune tuning fuzz contacts sanitize clean soil rover height-scan friction tracks laws records replay-speed
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -59,9 +59,6 @@ records:  ## terrain tax, touchdown and size of cells, beside other engines (abo
 robots:  ## robots on rough and moving ground, beside other engines (about seven minutes; ARGS=--quick: two)
 	@$(RUN) studies -- $(STUDIES) robots $(ARGS)
 
-start-study:  ## from a node's command to its first answer, and its memory (a minute; on a machine with nothing to do)
-	@$(RUN) -- python scripts/start_study.py $(ARGS)
-
 friction:  ## boxes slide on ice beside gravel, against v^2 / (2 mu g): docs/images/friction.png
 	@$(RUN) -- $(STUDIES) friction
 
@@ -90,9 +87,7 @@ tune:  ## parameters for a budget, on a scene that ships: SOURCE=stairs or a bag
 	@$(RUN) replay -- install/smartmesh_ros/lib/smartmesh_ros/tune $(or $(SOURCE),waves_w04_maps_20) $(ARGS)
 
 tuning:  ## the table of docs/tuning.md: three scenes and a bag of the demo, about five minutes
-	@rm -rf out/demo_bag
-	@$(RUN) replay -- python scripts/make_demo_bag.py out/demo_bag
-	@$(RUN) replay -- $(STUDIES) tuning --bag out/demo_bag --params-file out/demo_bag.yaml
+	@$(RUN) replay -- $(STUDIES) tuning
 
 fuzz:  ## 120,000 spoilt messages for every topic, service and parameter (half an hour)
 	@$(RUN) dev -- python -m tests.fuzz.run --jobs 2

@@ -64,10 +64,7 @@ def picture(world: World, scan: HeightScan) -> Image.Image:
     for place, z in zip(scan.points_b @ turn.T + base.position[:2], world.height_scan("robot", scan)[0], strict=True):
         point = stage.add(pb.GEOM_SPHERE, POINT_COLOUR, radius=RADIUS)
         stage.client.resetBasePositionAndOrientation(point, (*place, z), (0.0, 0.0, 0.0, 1.0))
-    robot, known = stage.client.loadURDF(ROBOT, useFixedBase=True), world.bodies["robot"]
-    stage.client.resetBasePositionAndOrientation(robot, *world.client.getBasePositionAndOrientation(known.uid))
-    for joint in known.joints.values():
-        stage.client.resetJointState(robot, joint, world.client.getJointState(known.uid, joint)[0])
+    stage.add_robot(world, "robot", ROBOT)
     shot = stage.shoot(Camera((1.6, -1.5, 1.25), (0.1, 0.12, 0.02), 36.0, *(FINER * size for size in PIXELS)))
     return Image.fromarray(shot.colours).resize(PIXELS, Image.Resampling.LANCZOS)
 

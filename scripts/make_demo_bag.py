@@ -10,11 +10,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import pybullet_data
 import yaml
 from sensor_msgs.msg import JointState
 
 from smartmesh_ros.node.timing.pacing import stamp_of
+from smartmesh_ros.scenes.eight import robot_file
 from smartmesh_ros.tools.demo.demo import BODIES, ROBOT, SOURCE, WHEELS
 from smartmesh_ros.tools.demo.terrain_source import SPECS, make_scene
 from smartmesh_ros.tools.testing import bags, heightmap_message
@@ -33,13 +33,9 @@ def messages(seconds: float) -> Iterator[tuple[str, float, Any]]:
     place = scene.geometry
     for number in range(math.floor(seconds * rate)):
         time = START + number / rate
-        yield (
-            "/terrain_collider/heightmap",
-            time,
-            heightmap_message(
-                scene.heights(number / rate), resolution=place.resolution, origin=place.origin, stamp=stamp_of(time)
-            ),
-        )
+        heights, stamp = scene.heights(number / rate), stamp_of(time)
+        message = heightmap_message(heights, resolution=place.resolution, origin=place.origin, stamp=stamp)
+        yield "/terrain_collider/heightmap", time, message
         if number % round(rate / COMMAND_RATE) == 0:
             command = JointState(name=WHEELS, velocity=[WHEEL_SPEED] * len(WHEELS))
             yield "/terrain_collider/joint_commands", time, command
@@ -52,19 +48,19 @@ def bodies() -> list[str]:
         angle, reach = 2.0 * math.pi * index / BODIES, 5.0 + 2.0 * (index % 3)
         x, y = reach * math.cos(angle), reach * math.sin(angle)
         entries.append(f"{SHAPES[index % 3]}, id: body_{index}, mass: 5.0, xy: [{x:.3f}, {y:.3f}], above: 0.8}}")
-    urdf = Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf"
-    return [*entries, f"{{id: {ROBOT}, urdf: {urdf}, xy: [-4.0, 0.0], above: 0.4}}"]
+    return [*entries, f"{{id: {ROBOT}, urdf: {robot_file()}, xy: [-4.0, 0.0], above: 0.4}}"]
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("path", type=Path, help="folder of the bag, which does not exist yet")
-    path: Path = parser.parse_args().path
+def write(path: Path) -> Path:
+    """Write a bag into a folder that does not exist yet; return the path of the parameter file."""
     bags.write(path, messages(SECONDS))
     file = path.with_suffix(".yaml")
     file.write_text(yaml.safe_dump({"/**": {"ros__parameters": {"bodies.spawn": bodies()}}}, width=200))
     print(f"wrote {path} and {file}")
+    return file
 
 
 if __name__ == "__main__":
-    main()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("path", type=Path, help="folder of the bag, which does not exist yet")
+    write(parser.parse_args().path)

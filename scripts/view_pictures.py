@@ -91,10 +91,6 @@ class Stage:
         self.opened.wait_for_timeout(DRAWING)
         self.opened.screenshot(path=path)
 
-    def look_at_the_bodies(self) -> None:
-        """Point the page's camera at all bodies."""
-        self.page.cameras.look(self.remote.ground, self.remote.sight)
-
     def stand_behind_the_robot(self) -> None:
         """Place the page's camera behind and above the robot, pointing at the median of the other bodies, and draw
         shadows, which take too much processor time while the demo runs."""
@@ -138,7 +134,8 @@ def main() -> None:
         shown.shoot(IMAGES / "demo.png", WIDE, shown.stand_behind_the_robot)
     with stage(path) as shown:
         shown.run(HISTORY)
-        shown.shoot(IMAGES / "view.png", LARGE, shown.look_at_the_bodies)
+        remote = shown.remote
+        shown.shoot(IMAGES / "view.png", LARGE, lambda: shown.page.cameras.look(remote.ground, remote.sight))
 
 
 if __name__ == "__main__":

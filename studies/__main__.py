@@ -7,13 +7,13 @@ from importlib import import_module
 # Module of each study by its name, and the function that runs it; `main` unless another is named.
 STUDIES = {
     "accuracy": "accuracy", "bench": "bench.study", "contacts": "contact_picture", "docs-check": "pages",
-    "fleet": "fleet.study", "friction": "friction_picture", "laws": "laws.study", "lidar": "lidar_picture",
+    "fleet": "fleet", "friction": "friction_picture", "laws": "laws", "lidar": "lidar_picture",
     "load": "load.study", "records": "records.study", "replay": "replay_speed", "rising": "rising_picture",
     "robots": "robots.study", "rover": "soil.rut_pictures:drive_rover", "soil": "soil.study",
     "tracks": "soil.rut_pictures:drive_tracks", "soak": "load.soak", "tuning": "tuning",
 }  # fmt: skip
-# Those without options.
-PLAIN = ["bench", "contacts", "fleet", "friction", "laws", "lidar", "records", "replay", "rising", "rover", "tracks"]
+# Those with options.
+OWN = ("accuracy", "load", "robots", "soak", "soil")
 
 
 def main() -> None:
@@ -24,7 +24,7 @@ def main() -> None:
     sys.argv = [f"python -m studies {name}", *sys.argv[2:]]
     place, _, function = STUDIES[name].partition(":")
     module = import_module(f"studies.{place}")
-    if name in PLAIN:
+    if name not in OWN:
         argparse.ArgumentParser(description=module.__doc__).parse_args()
     sys.exit(getattr(module, function or "main")())
 

@@ -14,16 +14,11 @@ from matplotlib.transforms import Bbox
 from studies.configurations import Family
 from studies.contest import MEASURES, Measure, Result, distance_of, measures_of, pareto_front
 
-_LOOKS: dict[Family, tuple[str, str]] = {
-    "ours": ("#0b6e4f", "o"),
-    "ours, less": ("#7bc8a4", "o"),
-    "report": ("#c1666b", "s"),
-    "whole map": ("#8d6a9f", "D"),
-    "MuJoCo": ("#1f77b4", "^"),
-    "PhysX": ("#e08e0b", "v"),
-    "Rapier": ("#6b6b6b", "P"),
-}
-COLOURS, MARKERS = ({family: look[part] for family, look in _LOOKS.items()} for part in (0, 1))
+COLOURS: dict[Family, str] = {
+    "ours": "#0b6e4f", "ours, less": "#7bc8a4", "report": "#c1666b", "whole map": "#8d6a9f", "MuJoCo": "#1f77b4",
+    "PhysX": "#e08e0b", "Rapier": "#6b6b6b",
+}  # fmt: skip
+MARKERS = dict(zip(COLOURS, "oosD^vP", strict=True))
 PLAIN = FuncFormatter(lambda value, _: f"{value:g}")  # numbers without powers of ten
 WORDS: dict[Measure, str] = {
     "distance": "from the ground while held up, 99 % [mm]",

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from smartmesh_ros import PhysicsConfig
-from smartmesh_ros.tools.replay.parameters import PRESETS, preset_folder, preset_values, settings_of
+from smartmesh_ros.tools.replay.parameters import PRESETS, preset_values, settings_of
 from studies.engines.engine import GroundSetup, build, missing
 from studies.report.config import ReportConfig
 
@@ -61,9 +61,8 @@ REPORT = (
 
 
 def _presets(engine: str) -> list[Configuration]:
-    """Return the parameter files that come with the package; none if they are not installed."""
-    names = () if preset_folder() is None else PRESETS
-    found = {name: settings_of(preset_values(name)).world.physics for name in names}
+    """Return the parameter files that come with the package."""
+    found = {name: settings_of(preset_values(name)).world.physics for name in PRESETS}
     return [
         Configuration(
             name=f"preset {name}", family="ours", engine=engine, options={"physics": physics}, rate=physics.rate
@@ -123,7 +122,6 @@ def robot_configurations(*, quick: bool) -> list[Configuration]:
         Configuration(name="whole heightfield", family="whole map", engine=ours, options=whole, quick=True),
         Configuration(name="MuJoCo, 240 Hz", family="MuJoCo", engine=mujoco, options=_MUJOCO),
         *_at_rates("MuJoCo tuned", "MuJoCo", mujoco, (240.0, 480.0, 960.0)),
-        *_at_rates("PhysX", "PhysX", physx, [RATE]),
+        *_at_rates("PhysX", "PhysX", physx, (RATE, 480.0)),
         Configuration(name="PhysX, 240 Hz, sleeps", family="PhysX", engine=physx, options={"sleeps": True}),
-        *_at_rates("PhysX", "PhysX", physx, [480.0]),
     ], quick=quick)  # fmt: skip

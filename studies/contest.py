@@ -17,7 +17,8 @@ import numpy as np
 from smartmesh_ros import InputError
 from smartmesh_ros.scenes.moving import Scene as MovingGround
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.tools.evaluation.measures import BoolArray, held_up, penetration
+from smartmesh_ros.tools.evaluation.measures import BoolArray, Penetration, held_up, penetration
+from smartmesh_ros.tools.tune.figures import FLOOR
 from studies.configurations import Configuration, Family
 from studies.engines.engine import Links
 from studies.pages import say
@@ -29,24 +30,17 @@ HORIZON = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Result:
-    """One configuration in one scene.
+class Result(Penetration):
+    """One configuration in one scene, with its penetration [m].
 
     ``cost`` [us]: processor time of update and step, per body and simulated second, median; ``spread``: its quartiles
-    [us]; ``update``: the ground's share of it [us], NaN = not told apart. Then `Penetration`'s figures [m]; deviation
-    from the reference after one second, median and largest over the bodies [m], NaN = none; ``note``: why it
-    did not run, or not long; ``family`` of its configuration.
+    [us]; ``update``: the ground's share of it [us]; deviation from the reference after one second, median and largest
+    over the bodies [m], NaN = none; ``note``: why it did not run, or not long; ``family`` of its configuration.
     """
 
     cost: float = math.nan
     spread: tuple[float, float] = (math.nan, math.nan)
     update: float = math.nan
-    p50: float = math.nan
-    p99: float = math.nan
-    most: float = math.nan
-    hover: float = math.nan
-    lost: int = 0
-    bodies: int = 0
     deviation: float = math.nan
     most_deviation: float = math.nan
     note: str = ""
@@ -75,8 +69,6 @@ class Contest(ABC):
     pieces: int
     timed_from: float = 0.0
     patience: ClassVar[float]
-    # True = the result tells the update's share of the cost.
-    tells_update: ClassVar[bool] = True
 
     def __init__(self, scene: Any, ground: MovingGround, bodies: int) -> None:
         self.scene, self.bodies = scene, bodies
@@ -199,15 +191,12 @@ def _result(contest: Contest, runner: Runner, reference: FloatArray | None) -> R
     found = penetration(clearance[measured], lost[measured], held[measured])
     times = 1e6 / contest.bodies * np.array(runner.times)
     low, middle, high = np.percentile(times.sum(axis=1), (25, 50, 75)).tolist()
-    more: dict[str, Any] = {"update": float(np.median(times[:, 0]))} if contest.tells_update else {}
+    more: dict[str, Any] = {"update": float(np.median(times[:, 0]))}
     if reference is not None and HORIZON in runner.samples:
         apart = np.linalg.norm(runner.samples[HORIZON].links.centres - reference, axis=1)
         more |= {"deviation": float(np.median(apart)), "most_deviation": float(apart.max())}
     return Result(cost=middle, spread=(low, high), **asdict(found), **more, note=runner.note)
 
-
-# Distances and deviations below this count as none [m]. Bodies at rest in PyBullet overlap by half of it.
-FLOOR = 2e-5
 
 Measure = Literal["distance", "deviation"]
 
@@ -245,12 +234,11 @@ def pareto_front(results: Mapping[str, Result], measures: tuple[Measure, ...] | 
     by cost, without results that lost bodies."""
     chosen = measures_of(results) if measures is None else measures
     points = {name: (one.cost, *(MEASURES[by](one) for by in chosen)) for name, one in lasting(results).items()}
-    front = [
-        name
-        for name, point in points.items()
-        if not any(other != point and all(np.less_equal(other, point)) for other in points.values())
-    ]
-    return sorted(front, key=lambda name: points[name])
+
+    def is_beaten(point: tuple[float, ...]) -> bool:
+        return any(other != point and all(np.less_equal(other, point)) for other in points.values())
+
+    return sorted((name for name in points if not is_beaten(points[name])), key=points.__getitem__)
 
 
 def only_by(results: Mapping[str, Result]) -> dict[str, str]:
@@ -268,14 +256,11 @@ def only_by(results: Mapping[str, Result]) -> dict[str, str]:
 def beyond_all(ours: Mapping[str, Result], rivals: Mapping[str, Result]) -> list[str]:
     """Return rivals that are both faster and more accurate than all of our results: in the distance from the ground
     and, if it was measured, in the deviation from the reference."""
-    return [
-        name
-        for name, rival in lasting(rivals).items()
-        if all(
-            rival.cost < own.cost and distance_of(rival) < distance_of(own) and not rival.deviation > own.deviation
-            for own in ours.values()
-        )
-    ]
+
+    def beats(rival: Result, own: Result) -> bool:
+        return rival.cost < own.cost and distance_of(rival) < distance_of(own) and not rival.deviation > own.deviation
+
+    return [name for name, rival in lasting(rivals).items() if all(beats(rival, own) for own in ours.values())]
 
 
 def cheapest_as_accurate(
@@ -283,9 +268,9 @@ def cheapest_as_accurate(
 ) -> str | None:
     """Return the cheapest of the results that are at most so far from the ground and from the reference [m] and lost no
     bodies, None = there is none."""
-    good = {
-        name: one.cost
+    good = [
+        (one.cost, name)
         for name, one in lasting(results).items()
         if distance_of(one) <= distance and deviation_of(one) <= deviation
-    }
-    return min(good, key=lambda name: (good[name], name), default=None)
+    ]
+    return min(good, default=(math.inf, None))[1]

@@ -6,7 +6,6 @@ rooms the figures depend on. The digest covers the code of these rooms without c
 words do not make figures stale.
 """
 
-import argparse
 import ast
 import hashlib
 import json
@@ -103,11 +102,8 @@ def stale_blocks(folder: Path) -> list[str]:
     ]
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """``make docs-check``: lists the blocks whose figures are older than the code."""
-    parser = argparse.ArgumentParser(prog="docs-check", description=main.__doc__)
-    parser.add_argument("--docs", type=Path, default=ROOT / "docs", help="folder of the pages")
-    pages = parser.parse_args(arguments).docs
+def main(pages: Path = ROOT / "docs") -> int:
+    """``make docs-check``: lists the blocks of a folder whose figures are older than the code."""
     total = sum(len(blocks_of(page)) for page in pages.glob("*.md"))
     stale = stale_blocks(pages)
     print("\n".join([*stale, f"{len(stale)} of {total} generated blocks are older than the code they measure"]))

@@ -18,25 +18,21 @@ def scene_table(results: Mapping[str, Result]) -> str:
     """Everything measured in one scene, a configuration a row; those on the Pareto front are bold, with the measure if
     they are there by one only."""
     front = only_by(results)
-    has_update = any(not math.isnan(result.update) for result in results.values())
     rows = []
     for name, r in results.items():
         shown = f"**{name}**{f' (by {front[name]})' if front[name] else ''}" if name in front else name
         if math.isnan(r.cost):
-            rows.append([f"{name}: {r.note}", *["-"] * (8 + has_update)])
+            rows.append([f"{name}: {r.note}", *["-"] * 9])
             continue
         shown += f" ({r.note})" if r.note else ""
-        update = [f"{r.update / 1e3:.2f}"] if has_update else []
-        rows.append(
-            [
-                shown, f"{r.cost / 1e3:.2f}", f"{r.spread[0] / 1e3:.2f}-{r.spread[1] / 1e3:.2f}",
-                *update, *(_mm(value) for value in (r.p50, r.p99, r.most, r.hover)),
-                f"{r.lost} of {r.bodies}", f"{_mm(r.deviation)} / {_mm(r.most_deviation)}",
-            ]
-        )  # fmt: skip
+        rows.append([
+            shown, f"{r.cost / 1e3:.2f}", f"{r.spread[0] / 1e3:.2f}-{r.spread[1] / 1e3:.2f}", f"{r.update / 1e3:.2f}",
+            *(_mm(value) for value in (r.p50, r.p99, r.most, r.hover)), f"{r.lost} of {r.bodies}",
+            f"{_mm(r.deviation)} / {_mm(r.most_deviation)}",
+        ])  # fmt: skip
     header = [
-        "configuration", "cost [ms]", "quartiles", *(["update [ms]"] if has_update else []), "p50 [mm]", "p99 [mm]",
-        "max [mm]", "hover [mm]", "lost", "deviation, median / max [mm]",
+        "configuration", "cost [ms]", "quartiles", "update [ms]", "p50 [mm]", "p99 [mm]", "max [mm]", "hover [mm]",
+        "lost", "deviation, median / max [mm]",
     ]  # fmt: skip
     return table(header, rows)
 

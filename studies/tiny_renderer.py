@@ -8,7 +8,7 @@ import pybullet as pb
 from numpy.typing import NDArray
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import HeightMap
+from smartmesh_ros import HeightMap, World
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
 
@@ -63,6 +63,13 @@ class Stage:
         """Return the id of a new body with the form ``shape``, such as ``pybullet.GEOM_BOX``."""
         visual = self.client.createVisualShape(shape, rgbaColor=(*colour, 1.0), **settings)
         return int(self.client.createMultiBody(0.0, -1, visual))
+
+    def add_robot(self, world: World, name: str, file: str) -> None:
+        """Draw a robot of a world, as it stands there, by the file of its description."""
+        uid, robot = self.client.loadURDF(file, useFixedBase=True), world.bodies[name]
+        self.client.resetBasePositionAndOrientation(uid, *world.client.getBasePositionAndOrientation(robot.uid))
+        for joint in robot.joints.values():
+            self.client.resetJointState(uid, joint, world.client.getJointState(robot.uid, joint)[0])
 
     def replace_ground(self, *surfaces: tuple[FloatArray, tuple[float, float, float]]) -> None:
         """Draw ``surfaces`` from now on: points (rows, columns, 3) [m] and a colour each."""

@@ -1,33 +1,30 @@
 """``make tuning``: tunes three scenes and a bag of the demo, and writes the table of docs/tuning.md."""
 
-import argparse
-from collections.abc import Sequence
+import shutil
 from pathlib import Path
 
 from smartmesh_ros.startup.executables import silence_pybullet
 
 SCENES = ("heave", "sinusoid", "sliding_boxes")
-DOCUMENT = Path("docs/tuning.md")
+BAG, DOCUMENT = Path("out/demo_bag"), Path("docs/tuning.md")
 HEAD = (
     "case", "defaults: share of a core", "penetration [mm]", "tuned: share of a core", "penetration [mm]", "cost",
     "hover, defaults / tuned [mm]", "changed",
 )  # fmt: skip
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
+def main() -> None:
     """Tune all cases and write the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--bag", help="bag of the demo, see scripts/make_demo_bag.py")
-    parser.add_argument("--params-file", help="parameter file of that bag")
-    options = parser.parse_args(arguments)
     silence_pybullet()
+    from scripts.make_demo_bag import write
     from smartmesh_ros.tools.tune import cli
     from smartmesh_ros.tools.tune.grid import settings_to_try
     from studies.pages import fill, short, table
 
-    bag = [[options.bag, "--params-file", options.params_file, "--seconds", "2"]] if options.bag else []
+    shutil.rmtree(BAG, ignore_errors=True)
+    bag = [str(BAG), "--params-file", str(write(BAG)), "--seconds", "2"]
     rows = []
-    for words in [*([scene] for scene in SCENES), *bag]:
+    for words in (*([scene] for scene in SCENES), bag):
         result = cli.find(cli.parser().parse_args(words))
         before, after = result.defaults, result.chosen
         rows.append([

@@ -102,12 +102,9 @@ def from_image(values: NDArray[Any], config: RasterConfig) -> Raster:
         heights[values == 0] = np.nan
     if config.first_row == "top":
         heights = heights[::-1]
+    rows, columns = heights.shape
     geometry = GridGeometry(
-        rows=heights.shape[0],
-        columns=heights.shape[1],
-        resolution=config.resolution,
-        origin=config.origin,
-        yaw=config.yaw,
+        rows=rows, columns=columns, resolution=config.resolution, origin=config.origin, yaw=config.yaw
     )
     return Raster(geometry, np.ascontiguousarray(heights))
 
@@ -204,14 +201,8 @@ def from_points(points: NDArray[np.float64], config: RasterConfig) -> Raster:
     if mirrored:
         first = first + (rows - 1) * turned
         heights = np.ascontiguousarray(heights[::-1])
-    geometry = GridGeometry(
-        rows=rows,
-        columns=columns,
-        resolution=resolution,
-        origin=(float(first[0]), float(first[1]), 0.0),
-        yaw=math.atan2(along_columns[1], along_columns[0]),
-    )
-    return Raster(geometry, heights)
+    yaw, origin = math.atan2(along_columns[1], along_columns[0]), (float(first[0]), float(first[1]), 0.0)
+    return Raster(GridGeometry(rows=rows, columns=columns, resolution=resolution, origin=origin, yaw=yaw), heights)
 
 
 def _fitted_grid(points: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:

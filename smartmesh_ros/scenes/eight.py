@@ -30,7 +30,7 @@ def robot_file() -> Path:
 
 
 def ground() -> HeightMap:
-    """Return a smooth part of the elevation model, on a fine grid; raises `ModuleNotFoundError` without Matplotlib."""
+    """Return a smooth part of the elevation model, on a fine grid; raises `InputError` without Matplotlib."""
     coarse = jacksboro_fault(RELIEF)[100:142, 150:202]
     fine = resampled(coarse, np.linspace(0, 41, 421), np.linspace(0, 51, 401))
     return HeightMap(fine - fine.mean(), resolution=SPACING)

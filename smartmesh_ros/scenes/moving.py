@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, Region
 
 FloatGrid = NDArray[np.float32]
@@ -152,10 +153,12 @@ def jacksboro_fault(relief: float | None = None) -> NDArray[np.float32]:
     """Return the Jacksboro fault, from Matplotlib's sample data: elevations (344, 403) [m], rows northwards along +y,
     as measured or scaled to 0 .. ``relief`` [m].
 
-    Raises `ModuleNotFoundError` if Matplotlib is not installed.
+    Raises `InputError` if Matplotlib is not installed.
     """
-    from matplotlib.cbook import get_sample_data
-
+    try:
+        from matplotlib.cbook import get_sample_data
+    except ModuleNotFoundError:
+        raise InputError("missing", "the elevation model needs Matplotlib: pip install matplotlib") from None
     data: Any = get_sample_data("jacksboro_fault_dem.npz")
     with data:
         elevation = np.asarray(data["elevation"], np.float32)[::-1]  # the file's rows run southwards

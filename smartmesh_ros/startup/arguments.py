@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from argparse import ArgumentParser, ArgumentTypeError
+from argparse import ArgumentParser, ArgumentTypeError, RawDescriptionHelpFormatter
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -14,10 +14,11 @@ from smartmesh_ros.errors import InputError
 
 
 class Parser(ArgumentParser):
-    """A parser that takes -3e-16 for a number. Python's takes it for an option."""
+    """A parser that keeps the lines of its description, and takes -3e-16 for a number; Python's takes it for an
+    option."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
-        super().__init__(*arguments, **options)
+        super().__init__(*arguments, **{"formatter_class": RawDescriptionHelpFormatter, **options})
         self._negative_number_matcher = re.compile(r"-(\d+\.?|\d*\.\d+)([eE][-+]?\d+)?$")
 
 

@@ -58,21 +58,13 @@ def description(
 
 def fleet() -> LaunchDescription:
     """Return a launch description of a fleet: colliders on one terrain, their front, and a terrain source."""
+    spread = "Node of a new body: fewest (bodies), or tiles (by start position)."
+    respawn = "Where bodies of a dead node are respawned: elsewhere, or on the same."
     arguments = [
         *_arguments(preset=fleet_layout.PRESET),
         argument("nodes", "4", "Number of colliders that share the terrain."),
-        argument(
-            "spread",
-            "fewest",
-            "Node of a new body: fewest (bodies), or tiles (by start position).",
-            ("fewest", "tiles"),
-        ),
-        argument(
-            "respawn",
-            "elsewhere",
-            "Where bodies of a dead node are respawned: elsewhere, or on the same.",
-            ("elsewhere", "same"),
-        ),
+        argument("spread", "fewest", spread, ("fewest", "tiles")),
+        argument("respawn", "elsewhere", respawn, ("elsewhere", "same")),
         scene_argument("empty = no terrain_source, publish your own terrain", ""),
     ]
     return _description(arguments, _fleet_nodes, fleet_layout.FRONT)
@@ -230,11 +222,8 @@ def _rviz(value: Values, shown: str) -> list[Any]:
     there = f"/{namespace}/{shown}" if namespace else f"/{shown}"
     return [
         node(
-            package="rviz2",
-            executable="rviz2",
-            hint="apt install ros-jazzy-rviz2, or leave rviz:=true out",
-            arguments=["-d", str(share() / "config" / "smartmesh.rviz")],
-            parameters=[time_of(value)],
+            package="rviz2", executable="rviz2", hint="apt install ros-jazzy-rviz2, or leave rviz:=true out",
+            arguments=["-d", str(share() / "config" / "smartmesh.rviz")], parameters=[time_of(value)],
             remappings=[(f"/{NODE}/{topic}", f"{there}/{topic}") for topic in SHOWN],
         )
-    ]
+    ]  # fmt: skip

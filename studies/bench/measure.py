@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from time import perf_counter
+from timeit import Timer
 
 import numpy as np
 
@@ -44,20 +45,12 @@ class Bench:
 
     def time(self, case: Case, run: Callable[[], object], prepare: Before = None) -> None:
         """Measure ``run``. ``prepare`` runs before each call and is not measured."""
-        start = perf_counter()
+        start, timer = perf_counter(), Timer(run, prepare or "pass")
         for _ in range(WARM_UP):
             if perf_counter() - start < 1.0:
-                _lap(run, prepare)
+                timer.timeit(1)
         laps, start = list[float](), perf_counter()
         while len(laps) < self.most and (len(laps) < self.least or perf_counter() - start < self.seconds):
-            laps.append(_lap(run, prepare))
+            laps.append(timer.timeit(1))
         median, low, high = 1e6 * np.percentile(laps, (50, 10, 90))
         self.found[case] = float(median), float(low), float(high), len(laps)
-
-
-def _lap(run: Callable[[], object], prepare: Before) -> float:
-    if prepare is not None:
-        prepare()
-    start = perf_counter()
-    run()
-    return perf_counter() - start

@@ -1,8 +1,7 @@
 """Moving ground and bodies on it, as in the report's Figure 1: circular waves that run inwards."""
 
 import math
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Iterable
 from itertools import cycle
 from typing import Any
 
@@ -27,7 +26,20 @@ _APART = 1.5
 _SAMPLES = 1 << 23
 
 
-class Waves:
+class Frames:
+    """The items of an iterator, one after the other. ``now``: the present one."""
+
+    def __init__(self, items: Iterable[Any]) -> None:
+        self._items = iter(items)
+        self.next()
+
+    def next(self) -> Any:
+        """Go on to the next item; return it."""
+        self.now = next(self._items)
+        return self.now
+
+
+class Waves(Frames):
     """Heights (side, side) [m] under a wave, one every `FRAME`, or what ``convert`` makes of them, before anything is
     timed. They are run through forth and back, so that successive ones always follow from one another."""
 
@@ -36,17 +48,7 @@ class Waves:
         scene = InwardWaves(GridGeometry(rows=side, columns=side, resolution=RESOLUTION))
         count = min(max(_SAMPLES // side**2, 3), 16)
         frames = [convert(scene.heights(index * FRAME)) for index in range(count)]
-        self.now = frames[0]
-        self._endless = cycle([*frames, *frames[-2:0:-1]])
-
-    def next(self) -> Any:
-        """Goes on to the next frame."""
-        self.now = next(self._endless)
-        return self.now
-
-
-# Makes heights of the precision of most engines.
-doubles = partial(np.asarray, dtype=np.float64)
+        super().__init__(cycle([*frames, *frames[-2:0:-1]]))
 
 
 def height_map(waves: Waves) -> HeightMap:

@@ -1,6 +1,6 @@
 """Nearest-vertex searches (Table 4) and collecting the vertices of a local collider (Table 5), for one body."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import partial
 from itertools import count, cycle
 from typing import Any
@@ -10,21 +10,9 @@ import numpy as np
 from smartmesh_ros import GridGeometry
 from smartmesh_ros.terrain.grid import FloatArray
 from studies.bench.measure import Bench
-from studies.bench.moving import RESOLUTION, Waves, general_mesh
+from studies.bench.moving import RESOLUTION, Frames, Waves, general_mesh
 from studies.bench.report import LARGER, RINGS, SEARCH
-from studies.report.search import (
-    GridGraph,
-    TriangleGraph,
-    best_first_cells,
-    best_first_vertex,
-    brute_force_cells,
-    brute_force_vertex,
-    nearest_vertices,
-    queue_bfs,
-    ray_cast,
-    topology_around,
-    union_bfs,
-)
+from studies.report import search
 
 # Sizes of Table 4, and of height maps, over which a search of a uniform grid is to cost the same.
 REPORT_SIDES, MAP_SIDES = tuple(SEARCH["brute_force"]), (50, 100, 200, *LARGER)
@@ -33,13 +21,13 @@ REPORT_SIDES, MAP_SIDES = tuple(SEARCH["brute_force"]), (50, 100, 200, *LARGER)
 def measure_general(bench: Bench, side: int) -> None:
     """One body on a general mesh, a vertex at a time, as in the report; grid traversal on a height map."""
     mesh = general_mesh(Waves(side))
-    graph = TriangleGraph(mesh.triangles, mesh.size)
-    walk = partial(best_first_vertex, mesh, graph)
-    _measure(bench, "search", side, partial(brute_force_vertex, mesh.vertices.T), walk)
-    vertex = brute_force_vertex(mesh.vertices.T, np.full(3, 0.3 * (side - 1) * RESOLUTION))
-    patch = topology_around(graph, vertex, 1)
+    graph = search.TriangleGraph(mesh.triangles, mesh.size)
+    walk = partial(search.best_first_vertex, mesh, graph)
+    _measure(bench, "search", side, partial(search.brute_force_vertex, mesh.vertices.T), walk)
+    vertex = search.brute_force_vertex(mesh.vertices.T, np.full(3, 0.3 * (side - 1) * RESOLUTION))
+    patch = search.topology_around(graph, vertex, 1)
     corners, above = mesh.vertices[patch.vertices], mesh.vertices[vertex] + (0.01, 0.02, 1.0)
-    bench.time(("search", "ray_cast", side), lambda: ray_cast(above, corners, patch.triangles))
+    bench.time(("search", "ray_cast", side), lambda: search.ray_cast(above, corners, patch.triangles))
 
 
 def measure_maps(bench: Bench, side: int) -> None:
@@ -47,8 +35,8 @@ def measure_maps(bench: Bench, side: int) -> None:
     geometry = GridGeometry(rows=side, columns=side, resolution=RESOLUTION)
     _measure(
         bench, "search_map", side,
-        lambda position: brute_force_cells(geometry, geometry.to_grid(position[None])),
-        lambda position, start: best_first_cells(geometry, geometry.to_grid(position[None]), start),
+        lambda position: search.brute_force_cells(geometry, geometry.to_grid(position[None])),
+        lambda position, start: search.best_first_cells(geometry, geometry.to_grid(position[None]), start),
     )  # fmt: skip
 
 
@@ -59,33 +47,21 @@ def _measure(
     less than a cell from frame to frame; the worst case teleports between two corners."""
     geometry = GridGeometry(rows=side, columns=side, resolution=RESOLUTION)
     extent = (side - 1) * RESOLUTION
-    average = _Walk((0.3 * extent + frame * 0.4 * RESOLUTION) % extent for frame in count(1))
-    worst = _Walk(cycle((0.999 * extent, 0.001 * extent)))
-    bench.time((what, "brute_force", side), lambda: brute_force(average.position), average.advance)
+    diagonal = np.array([1.0, 1.0, 0.0])
+    average = Frames((0.3 * extent + frame * 0.4 * RESOLUTION) % extent * diagonal for frame in count(1))
+    worst = Frames(cycle((0.999 * extent * diagonal, 0.001 * extent * diagonal)))
+    bench.time((what, "brute_force", side), lambda: brute_force(average.now), average.next)
     for walk, suffix in ((average, ""), (worst, "_worst")):
-        found = [brute_force(walk.position)]
+        found = [brute_force(walk.now)]
 
-        def search(walk: _Walk = walk, found: list[Any] = found) -> None:
-            found[0] = best_first(walk.position, found[0])
+        def step(walk: Frames = walk, found: list[Any] = found) -> None:
+            found[0] = best_first(walk.now, found[0])
 
-        def traverse(walk: _Walk = walk) -> None:
-            nearest_vertices(geometry, geometry.to_grid(walk.position[None]))
+        def traverse(walk: Frames = walk) -> None:
+            search.nearest_vertices(geometry, geometry.to_grid(walk.now[None]))
 
-        bench.time((what, f"best_first{suffix}", side), search, walk.advance)
-        bench.time((what, f"grid_traversal{suffix}", side), traverse, walk.advance)
-
-
-class _Walk:
-    """A player who is at the ``places`` [m], along x and y, one after the other."""
-
-    def __init__(self, places: Iterable[float]) -> None:
-        self._places = iter(places)
-        self.advance()
-
-    def advance(self) -> None:
-        """Goes on by a frame."""
-        place = next(self._places)
-        self.position = np.array([place, place, 0.0])
+        bench.time((what, f"best_first{suffix}", side), step, walk.next)
+        bench.time((what, f"grid_traversal{suffix}", side), traverse, walk.next)
 
 
 COLLECT_SIDE = 200
@@ -93,15 +69,15 @@ COLLECT_SIDE = 200
 
 def measure_collecting(bench: Bench) -> None:
     """Measure the report's methods on the grid's graph."""
-    graph = GridGraph(COLLECT_SIDE, COLLECT_SIDE)
+    graph = search.GridGraph(COLLECT_SIDE, COLLECT_SIDE)
     vertex = COLLECT_SIDE * COLLECT_SIDE // 2 + COLLECT_SIDE // 2
     for rings in RINGS:
         # Offsets of a patch's samples from its nearest vertex: the cache of the report's Figure 10, for all vertices.
         offsets = np.arange(-rings, rings + 1)
         template = (offsets[:, None] * COLLECT_SIDE + offsets).ravel()
         methods = {
-            "queue_bfs": partial(queue_bfs, graph, vertex, rings),
-            "union_bfs": partial(union_bfs, graph, vertex, rings),
+            "queue_bfs": partial(search.queue_bfs, graph, vertex, rings),
+            "union_bfs": partial(search.union_bfs, graph, vertex, rings),
             "cached": partial(np.add, template, vertex),
         }
         for method, run in methods.items():

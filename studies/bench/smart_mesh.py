@@ -4,6 +4,7 @@ and 6): everything an update does, search and collecting too."""
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from itertools import count
 from typing import Any
 
@@ -12,17 +13,7 @@ import numpy as np
 from smartmesh_ros import InputError
 from smartmesh_ros.terrain.trimesh import grid_triangles
 from studies.bench.measure import LONGEST_FRAME, Before, Bench
-from studies.bench.moving import (
-    FRAME,
-    RADIUS,
-    RESOLUTION,
-    Player,
-    Waves,
-    doubles,
-    general_mesh,
-    grid_vertices,
-    height_map,
-)
+from studies.bench.moving import FRAME, RADIUS, RESOLUTION, Player, Waves, general_mesh, grid_vertices, height_map
 from studies.bench.report import LARGER, RINGS, SIMPLE_PHYSX
 from studies.engines.engine import Setup, build, missing
 from studies.report.config import ReportConfig
@@ -104,6 +95,8 @@ def measure_general(bench: Bench) -> None:
             player.time(bench, ("general", f"{search} {collect}", SIDE))
 
 
+# Makes heights of the precision of most engines.
+doubles = partial(np.asarray, dtype=np.float64)
 ENGINES = ("physx", "bullet_trimesh", "bullet_heightfield", "mujoco")
 # Sizes of the whole mesh, ascending [vertices on a side].
 WHOLE_SIDES = (*SIMPLE_PHYSX, *LARGER)

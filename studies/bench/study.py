@@ -50,12 +50,7 @@ def main() -> None:
 
 
 SEARCHES = {
-    "brute_force": "brute force",
-    "ray_cast": "ray cast",
-    "best_first": "best-first",
-    "best_first_worst": "best-first, worst",
-    "grid_traversal": "grid traversal",
-    "grid_traversal_worst": "grid traversal, worst",
+    method: method.replace("_worst", ", worst").replace("best_", "best-").replace("_", " ") for method in report.SEARCH
 }
 
 

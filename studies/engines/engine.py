@@ -175,16 +175,11 @@ class Engine(Simulation):
 
 # Module and class of each engine, by its name: of bodies, and of robots.
 ENGINES = {
-    "smartmesh": ("studies.engines.smartmesh", "SmartMesh"),
-    "bullet_trimesh": ("studies.engines.bullet", "BulletTrimesh"),
-    "bullet_heightfield": ("studies.engines.bullet", "BulletHeightfield"),
-    "mujoco": ("studies.engines.mujoco_hfield", "MujocoHfield"),
-    "physx": ("studies.engines.physx", "PhysxTrimesh"),
-    "rapier": ("studies.engines.rapier", "RapierHeightfield"),
-    "smartmesh robots": ("studies.engines.smartmesh", "WorldRobots"),
-    "mujoco robots": ("studies.engines.mujoco_hfield", "MujocoRobots"),
-    "physx robots": ("studies.engines.physx", "PhysxRobots"),
-}
+    "smartmesh": "smartmesh.SmartMesh", "bullet_trimesh": "bullet.BulletTrimesh",
+    "bullet_heightfield": "bullet.BulletHeightfield", "mujoco": "mujoco_hfield.MujocoHfield",
+    "physx": "physx.PhysxTrimesh", "rapier": "rapier.RapierHeightfield", "smartmesh robots": "smartmesh.WorldRobots",
+    "mujoco robots": "mujoco_hfield.MujocoRobots", "physx robots": "physx.PhysxRobots",
+}  # fmt: skip
 
 
 @cache
@@ -193,7 +188,7 @@ def missing(name: str) -> str:
     if name not in ENGINES:
         raise InputError("engine", f"there is no engine {name!r}; choose {', '.join(ENGINES)}")
     try:
-        import_module(ENGINES[name][0])
+        import_module(f"studies.engines.{ENGINES[name].partition('.')[0]}")
     except (ImportError, OSError) as error:  # OSError: a library of the package's does not load
         return f"{type(error).__name__}: {error}"
     return ""
@@ -204,5 +199,5 @@ def build(name: str, setup: GroundSetup, **options: Any) -> Any:
     reason = missing(name)
     if reason:
         raise InputError("engine", f"engine {name!r} is not available ({reason}); install requirements/studies.txt")
-    module, kind = ENGINES[name]
-    return getattr(import_module(module), kind)(setup, **options)
+    module, kind = ENGINES[name].split(".")
+    return getattr(import_module(f"studies.engines.{module}"), kind)(setup, **options)

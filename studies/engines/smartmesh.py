@@ -26,13 +26,9 @@ class WorldGround(Simulation):
     step rate and gravity of ``physics``."""
 
     def __init__(
-        self,
-        setup: GroundSetup,
-        *,
-        report: ReportConfig | None = None,
-        motion: MotionConfig | None = None,
+        self, setup: GroundSetup, *, report: ReportConfig | None = None, motion: MotionConfig | None = None,
         physics: PhysicsConfig | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.setup = setup
         self.heightmap = HeightMap(setup.heights, resolution=setup.resolution, origin=setup.origin, motion=motion)
         physics = replace(physics or PhysicsConfig(), rate=1.0 / setup.dt, gravity=setup.gravity)

@@ -9,14 +9,14 @@ from typing import Any, Literal
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Point, Pose
 from numpy.typing import NDArray
 from rclpy.qos import QoSProfile
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TrackedBody, TrackedBodyArray
+from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.node.outputs.cdr import floats
-from smartmesh_ros.tools.testing.messages import heightmap_message
+from smartmesh_ros.tools.testing.messages import heightmap_message, pose_message
 from smartmesh_ros.tools.testing.process import Process
 from studies.load.processes import COLLIDER, Usage, Watcher
 
@@ -112,18 +112,15 @@ def groups() -> dict[str, list[Case]]:
     return {"grid": list(dict.fromkeys(grid)), "memory": memory, "rest": [rest, more]}
 
 
-FRAME = "map"
-
-
 class TerrainMessages:
     """Maps and regions of a case; the k-th has the probe's ground at code ``k % CODES``. Each is valid until the next,
     because copies of large maps would take the driver longer than sending them."""
 
     def __init__(self, case: Case) -> None:
         side, window = case.side, case.window
-        self._map = heightmap_message(np.zeros((side, side), "f4"), resolution=RESOLUTION, frame_id=FRAME)
+        self._map = heightmap_message(np.zeros((side, side), "f4"), resolution=RESOLUTION)
         self._region = HeightmapUpdate(width=window, height=window, heights=floats(np.zeros((window, window), "f4")))
-        self._region.header.frame_id = FRAME
+        self._region.header = self._map.header
         self._x, y = np.meshgrid(*[np.arange(window) * RESOLUTION] * 2)
         # Still at the window's edge, so that nothing tears, and higher there, so that nobody rolls off.
         room = np.minimum.reduce([self._x, y, self._x[::-1, ::-1], y[::-1, ::-1]])
@@ -239,11 +236,8 @@ class Driver(Watcher):
 
     def _track_probe(self) -> None:
         x, y = self._case.probe
-        message = TrackedBodyArray()
-        message.header.frame_id = FRAME
-        pose = Pose(position=Point(x=x, y=y, z=PROBE_HEIGHT))
-        message.bodies = [TrackedBody(id="probe", pose=pose, radius=PROBE_RADIUS)]
-        self._bodies.publish(message)
+        probe = TrackedBody(id="probe", pose=pose_message((x, y, PROBE_HEIGHT)), radius=PROBE_RADIUS)
+        self._bodies.publish(TrackedBodyArray(header=Header(frame_id="map"), bodies=[probe]))
 
     def _on_markers(self, data: bytes) -> None:
         """Notes when a code is first seen in the height of the probe's patch."""

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.qos import QoSProfile
-from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBody
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
+from smartmesh_ros.tools.demo.demo import SHAPES
 from smartmesh_ros.tools.testing.process import Process
 from studies.load.processes import COLLIDER, Usage, Watcher
 from studies.load.study import PAGE, PICTURES
@@ -34,11 +34,6 @@ SOURCE_EVERY, SPAWN_EVERY, SETTING_EVERY, BAD_EVERY, SAMPLE_EVERY = 20.0, 2.0, 1
 MOST_BODIES = 40
 SIZES = (101, 201, 401, 1001)
 FRICTIONS = (0.4, 0.6)
-SHAPES = (
-    SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2]),
-    SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.4, 0.3, 0.2]),
-    SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.3, 0.2]),
-)
 
 
 class Soak(Watcher):
@@ -195,13 +190,10 @@ WARM_UP = 0.2
 # Samples in a row are alike; the slope's error is that of the means of so many blocks.
 BLOCKS = 12
 FIGURES = {
-    "memory": ("resident memory, without DDS's segments", "MiB"),
-    "descriptors": ("file descriptors", ""),
-    "threads": ("threads", ""),
-    "topics": ("topics", ""),
-    "latency": ("latency of a service call", "ms"),
+    "memory": ("resident memory, without DDS's segments", "MiB"), "descriptors": ("file descriptors", ""),
+    "threads": ("threads", ""), "topics": ("topics", ""), "latency": ("latency of a service call", "ms"),
     "factor": ("real-time factor", ""),
-}
+}  # fmt: skip
 
 
 class Slope(NamedTuple):

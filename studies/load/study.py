@@ -203,11 +203,10 @@ def _latency(figure: Figure, summaries: list[Summary]) -> None:
     for s in sorted(summaries, key=lambda s: (s.case.bodies, -s.case.physics_rate)):
         if s.case.side != 1024 or not s.latencies or s.case.map_rate not in (30.0, 60.0):
             continue
-        share = np.arange(1, len(s.latencies) + 1) / len(s.latencies)
         style = "--" if s.case.mode == "full" else "-"
         bodies = "1 body" if s.case.bodies == 1 else f"{s.case.bodies} bodies"
         label = f"{bodies}, {s.case.mode} at {s.case.map_rate:g} Hz, physics {s.case.physics_rate:g} Hz"
-        axis.plot(s.latencies, share, style, linewidth=1.2, label=label)
+        axis.ecdf(s.latencies, linestyle=style, linewidth=1.2, label=label)
     axis.set_xscale("log")
     ticks = [2, 5, 10, 20, 50, 100]
     axis.set_xticks(ticks, [str(tick) for tick in ticks])

@@ -43,21 +43,12 @@ class Arena:
     """
 
     def __init__(
-        self,
-        method: "Method",
-        ground: Any = 0.0,
-        *,
-        size: int = 61,
-        resolution: float = 0.25,
-        map_rate: float = 0.0,
-        physics: PhysicsConfig | None = None,
-        motion: MotionConfig | None = None,
-    ) -> None:
+        self, method: "Method", ground: Any = 0.0, *, size: int = 61, resolution: float = 0.25, map_rate: float = 0.0,
+        physics: PhysicsConfig | None = None, motion: MotionConfig | None = None,
+    ) -> None:  # fmt: skip
         self.geometry = square(size, resolution)
         if isinstance(ground, Scene):
             self.ground, self.geometry = ground, ground.geometry
-        elif callable(ground):
-            self.ground = Rigid(self.geometry, lambda x, y: ground(np.float64(x), np.float64(y)))
         else:
             named = isinstance(ground, dict)
             self.ground = make_ground(self.geometry, **ground) if named else Rigid(self.geometry, ground)

@@ -32,10 +32,10 @@ _IDENTITY = coal.Transform3s()
 
 
 class Part:
-    """A convex shape of a link: a geometry of `coal`, its ``pose`` in the link's frame (4, 4), and ``points`` (8, 3)
-    [m] in that frame, the corners of a box that contains it."""
+    """A convex shape of a link: a geometry of `coal`, its ``pose`` in the link's frame, and ``points`` (8, 3) [m] in
+    that frame, the corners of a box that contains it."""
 
-    def __init__(self, geometry: Any, pose: FloatArray) -> None:
+    def __init__(self, geometry: Any, pose: Any) -> None:
         geometry.computeLocalAABB()
         bounds = np.array([geometry.aabb_local.min_, geometry.aabb_local.max_]).reshape(2, 3)
         corners = np.array(np.meshgrid(*bounds.T)).reshape(3, -1).T
@@ -50,9 +50,9 @@ def hull_of(points: FloatArray) -> Any:
     return coal.ConvexBase.convexHull(found, False, "Qt")
 
 
-def placed(points: FloatArray, pose: FloatArray) -> FloatArray:
-    """Return points (K, 3) of a frame in that of its ``pose`` (4, 4)."""
-    return np.asarray(points @ pose[:3, :3].T + pose[:3, 3])
+def placed(points: FloatArray, pose: Any) -> FloatArray:
+    """Return points (K, 3) of a frame in that of its ``pose``."""
+    return np.asarray(points @ pose.getRotation().T + pose.getTranslation())
 
 
 def read_links(client: Any, uid: int, links: Sequence[int]) -> list[list[Part]]:
@@ -62,7 +62,7 @@ def read_links(client: Any, uid: int, links: Sequence[int]) -> list[list[Part]]:
         inertial, parts = pose_of(*client.getDynamicsInfo(uid, link)[3:5]), list[Part]()
         found.append(parts)
         for index, shape in enumerate(client.getCollisionShapeData(uid, link)):
-            kind, size, pose = shape[2], shape[3], inertial @ pose_of(shape[5], shape[6])
+            kind, size, pose = shape[2], shape[3], inertial * pose_of(shape[5], shape[6])
             if kind == pb.GEOM_SPHERE:
                 parts.append(Part(coal.Sphere(size[0]), pose))
             elif kind == pb.GEOM_BOX:
@@ -80,12 +80,9 @@ def read_links(client: Any, uid: int, links: Sequence[int]) -> list[list[Part]]:
     return found
 
 
-def pose_of(position: Sequence[float], orientation: Sequence[float]) -> FloatArray:
-    """Return a pose (4, 4) from a position [m] and a quaternion (x, y, z, w)."""
-    found = np.eye(4)
-    found[:3, :3] = rotated(np.array(orientation, np.float64), np.eye(3)).T
-    found[:3, 3] = position
-    return found
+def pose_of(position: Sequence[float], orientation: Sequence[float]) -> Any:
+    """Return a pose of `coal` from a position [m] and a quaternion (x, y, z, w)."""
+    return coal.Transform3s(rotated(np.array(orientation, np.float64), np.eye(3)).T, np.array(position))
 
 
 class GroundPrisms:
@@ -114,7 +111,7 @@ class GroundPrisms:
                 least = self._of_part(part, link, least)
         return float(least)
 
-    def _of_part(self, part: Part, link: FloatArray, least: float) -> float:
+    def _of_part(self, part: Part, link: Any, least: float) -> float:
         """Return the distance [m] of a part from the ground, at most ``least``."""
         points = placed(part.points, link)
         low, high = points.min(axis=0), points.max(axis=0)
@@ -129,8 +126,7 @@ class GroundPrisms:
         (r0, c0), (r1, c1) = np.clip(corners, 0, most)
         # Lower bounds of the distances from the prisms (2, R, C): those along z alone.
         bounds = low[2] - self._tops[:, r0 : r1 + 1, c0 : c1 + 1]
-        at = link @ part.pose
-        pose = coal.Transform3s(at[:3, :3], at[:3, 3])
+        pose = link * part.pose
         result, request = coal.DistanceResult(), coal.DistanceRequest()
         for index in np.argsort(bounds, axis=None):
             half, row, column = np.unravel_index(index, bounds.shape)
@@ -164,7 +160,6 @@ class RobotContest(Contest):
     scene: RobotScene
     pieces = 8
     patience: ClassVar[float] = 6.0
-    tells_update: ClassVar[bool] = False
 
     def __init__(self, scene: RobotScene) -> None:
         super().__init__(scene, scene.ground, len(STARTS))

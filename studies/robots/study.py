@@ -96,14 +96,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def strangers_table(strangers: Sequence[Stranger]) -> str:
     """Return drift and rescues of the robots that nobody tuned for."""
-    rows = [
-        [
-            f"{one.name}, {'braked' if one.braked else 'limp'}, ground {'heaving' if one.moving else 'at rest'}",
-            f"{1e3 * one.drift:.1f}" if math.isfinite(one.drift) else "left the map",
-            str(one.rescues),
-            "0",
-            "yes" if one.rescues == 0 and math.isfinite(one.drift) else "**no**",
-        ]
-        for one in strangers
-    ]
+    rows = []
+    for one in strangers:
+        name = f"{one.name}, {'braked' if one.braked else 'limp'}, ground {'heaving' if one.moving else 'at rest'}"
+        stays = math.isfinite(one.drift)
+        drift = f"{1e3 * one.drift:.1f}" if stays else "left the map"
+        rows.append([name, drift, str(one.rescues), "0", "yes" if stays and not one.rescues else "**no**"])
     return table(["robot", "drift [mm]", "rescues", "limit", "kept"], rows)

@@ -23,12 +23,7 @@ COLOURS = mpl.colormaps["autumn_r"]
 def draw(path: Path, world: World, soil: Soil, robot: Path, camera: Camera, title: str) -> None:
     """Write a picture of a world's only body, a ``robot`` by its file, and of the ruts in its soil."""
     stage, [name] = Stage(), world.bodies
-    uid, state = stage.client.loadURDF(str(robot)), world.base_state(name)
-    stage.client.resetBasePositionAndOrientation(uid, state.position, state.orientation)
-    count = stage.client.getNumJoints(uid)
-    joints = {stage.client.getJointInfo(uid, joint)[1].decode(): joint for joint in range(count)}
-    for joint in world.joints(name):
-        stage.client.resetJointState(uid, joints[joint.name], joint.position)
+    stage.add_robot(world, name, str(robot))
     stage.replace_heights(soil.map, GROUND)
     shot = stage.shoot(camera)
     places = soil.map.geometry.to_grid(shot.points[:, :, :2].reshape(-1, 2))

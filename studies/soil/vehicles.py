@@ -10,20 +10,8 @@ import numpy as np
 import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import (
-    BodyState,
-    Box,
-    Cylinder,
-    Ground,
-    HeightMap,
-    PhysicsConfig,
-    Soil,
-    SoilType,
-    Sphere,
-    World,
-    WorldConfig,
-)
-from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros import BodyState, Ground, HeightMap, PhysicsConfig, Soil, SoilType, World, WorldConfig
+from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from studies.soil.trials import Wheel, WheelForces
 

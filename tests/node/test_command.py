@@ -125,7 +125,7 @@ def test_messages_that_cannot_be_imported_are_named(
     shared: Probe, smartmesh: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "smartmesh_msgs.msg", None)
-    assert "smartmesh_msgs/msg/TrackedBodyArray cannot be imported" in smartmesh("echo", "body_states", "--once")
+    assert "smartmesh_msgs/msg/TrackedBodyArray is not installed" in smartmesh("echo", "body_states", "--once")
 
 
 def test_physics_and_parameters_are_set(shared: Probe, smartmesh: Command) -> None:

@@ -9,22 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros.terrain.grid import FloatArray
+from studies import laws
 from studies.configurations import Configuration
 from studies.engines.engine import Contacts
-from studies.laws import study
-from studies.laws.study import (
-    COURSES,
-    GRAVITY,
-    PRESSED,
-    SLIPS,
-    TRIALS,
-    Residuals,
-    completed,
-    end_in,
-    entered,
-    residuals,
-    spread,
-)
+from studies.laws import COURSES, GRAVITY, PRESSED, SLIPS, TRIALS, Residuals, completed, end_in, entered, residuals
 
 MU, WEIGHT, DT = 0.4, GRAVITY, 1.0 / 240.0
 FALL = GRAVITY * DT**2  # of a body in a step from rest [m]
@@ -105,11 +93,11 @@ def test_what_an_engine_keeps_to_itself_is_what_the_motion_leaves() -> None:
 
 
 def test_the_spread_of_ends() -> None:
-    assert spread(np.array([(0.0, 0.0, 0.0), (0.0, 3.0, 4.0)])) == pytest.approx((2.5, 5.0))
-    assert spread(np.ones((4, 3))) == (0.0, 0.0)
+    assert laws.spread(np.array([(0.0, 0.0, 0.0), (0.0, 3.0, 4.0)])) == pytest.approx((2.5, 5.0))
+    assert laws.spread(np.ones((4, 3))) == (0.0, 0.0)
 
 
-@pytest.fixture(params=study.competitors(), ids=lambda one: one.name)
+@pytest.fixture(params=laws.competitors(), ids=lambda one: one.name)
 def configuration(request: pytest.FixtureRequest) -> Configuration:
     found: Configuration = request.param
     return found
@@ -143,11 +131,11 @@ def test_equal_starts_have_equal_ends(configuration: Configuration) -> None:
 
 def test_the_study_compares_all_engines(monkeypatch: pytest.MonkeyPatch) -> None:
     """On the slope and a course, for a moment; the husky in one engine."""
-    monkeypatch.setattr(study, "TRIALS", [replace(one, duration=0.4) for one in TRIALS[:3]])
-    monkeypatch.setattr(study, "COURSES", [replace(COURSES[0], duration=0.1)])
-    monkeypatch.setattr(study, "ROBOTS", {study.OURS[0].name: study.ROBOTS[study.OURS[0].name]})
-    residuals_told, drifts = study.laws(["slope"]), study.drifts(2)
-    for one in study.competitors():
+    monkeypatch.setattr(laws, "TRIALS", [replace(one, duration=0.4) for one in TRIALS[:3]])
+    monkeypatch.setattr(laws, "COURSES", [replace(COURSES[0], duration=0.1)])
+    monkeypatch.setattr(laws, "ROBOTS", {laws.OURS[0].name: laws.ROBOTS[laws.OURS[0].name]})
+    residuals_told, drifts = laws.laws(["slope"]), laws.drifts(2)
+    for one in laws.competitors():
         assert f"| slope: {one.name} |" in residuals_told
-        assert (f"| husky: {one.name} |" in residuals_told) == (one.name in study.ROBOTS)
+        assert (f"| husky: {one.name} |" in residuals_told) == (one.name in laws.ROBOTS)
         assert f"\n| {one.name} |" in drifts

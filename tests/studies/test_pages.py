@@ -23,14 +23,14 @@ def test_only_marked_blocks_are_replaced_and_note_the_code_and_are_stale_before(
     page: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert [line.split(" (")[0] for line in stale_blocks(page.parent)] == ["a.md: one"]
-    assert main(["--docs", str(page.parent)]) == 1
+    assert main(page.parent) == 1
     assert "1 of 1 generated blocks" in capsys.readouterr().out
     fill(page, {"one": "| new |"})
     assert page.read_text() == (
         f"words\n<!-- generated: one of core, code {digest_of('core')} -->\n| new |\n<!-- end -->\nmore\n"
     )
     assert stale_blocks(page.parent) == []
-    assert main(["--docs", str(page.parent)]) == 0
+    assert main(page.parent) == 0
 
 
 def test_a_block_that_is_missing_is_refused_and_nothing_is_written(page: Path) -> None:

@@ -8,9 +8,12 @@ import pytest
 from PIL import Image
 
 from scripts import height_scan
+from smartmesh_ros import BodyState, World
+from smartmesh_ros.scenes import tracks
 from smartmesh_ros.terrain.grid import FloatArray
 from studies.matrix.run import draw_box
 from studies.rising_picture import WAYS, grid, height, simulated
+from studies.tiny_renderer import Stage
 
 README = (Path(__file__).parents[2] / "README.md").read_text()
 
@@ -44,6 +47,17 @@ def test_the_points_of_a_height_scan_are_drawn(
     height_scan.main()
     assert np.shape(Image.open(tmp_path / "scan.png")) == (640, 1000, 3)
     assert "a row for each y, x from left to right" in capfd.readouterr().out
+
+
+def test_a_robot_is_drawn_where_it_stands() -> None:
+    """Also one whose centre of mass is not at the frame of its base link."""
+    stage = Stage()
+    with World(tracks.ground()) as world:
+        world.spawn_robot("machine", tracks.robot_file().read_text(), BodyState(), on_ground=True, align=True)
+        stage.add_robot(world, "machine", str(tracks.robot_file()))
+        for link in range(-1, world.client.getNumJoints(world.bodies["machine"].uid)):
+            expected = world.client.getAABB(world.bodies["machine"].uid, link)
+            np.testing.assert_allclose(stage.client.getAABB(0, link), expected, atol=5e-3)  # margins differ
 
 
 def test_the_picture_is_drawn(tmp_path: Path) -> None:

@@ -12,7 +12,6 @@ smartmesh status                                     # what the diagnostics say
 from __future__ import annotations
 
 import argparse
-import importlib
 import math
 import sys
 from collections.abc import Callable
@@ -41,6 +40,7 @@ from smartmesh_ros.tools.client.parameters import parameter_from
 from smartmesh_ros.tools.client.remote import BEST, Remote, colliders
 from smartmesh_ros.tools.client.robot_text import text_of
 from smartmesh_ros.tools.client.sight import KINDS
+from smartmesh_ros.tools.replay.bag import class_of
 
 SHAPES = {
     "sphere": (SolidPrimitive.SPHERE, ("RADIUS",)), "box": (SolidPrimitive.BOX, ("X", "Y", "Z")),
@@ -79,7 +79,7 @@ class Caller:
 
     def call(self, service: str, **fields: Any) -> str:
         """Call a service of the node; return what it says on success."""
-        client = self.remote.client(service)
+        client = self.remote.clients[service]
         self.wait_for(client.service_is_ready, f"service {client.srv_name}")
         future = client.call_async(client.srv_type.Request(**fields))
         self.wait_for(future.done, f"answer of {client.srv_name}")
@@ -145,12 +145,7 @@ def echo(caller: Caller, options: argparse.Namespace) -> str:
         types = caller.wait_for(lambda: known().get(full), f"topic {full}")
     except InputError as error:
         raise InputError("timeout", f"{error}{suggestion(full, known())}") from None
-    package, middle, name = types[0].split("/")
-    try:
-        kind = getattr(importlib.import_module(f"{package}.{middle}"), name)
-    except (ModuleNotFoundError, AttributeError):
-        raise InputError("missing", f"{types[0]} cannot be imported; source the workspace that has it") from None
-    came = caller.messages(full, kind)
+    came = caller.messages(full, class_of(types[0]))
     while True:
         for message in came[:1] if options.once else came:
             print(yaml.safe_dump(plain(message), sort_keys=False, default_flow_style=None, width=120), end="---\n")
@@ -233,7 +228,7 @@ def say(service: str, **fields: Any) -> Callable[[Caller, argparse.Namespace], s
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    made = Parser("smartmesh", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    made = Parser("smartmesh", description=__doc__)
     made.add_argument("--node", default="/terrain_collider", help="full name of the node (%(default)s)")
     patience = number(float, 0.0, math.inf)
     made.add_argument("--timeout", type=patience, default=10.0, help="longest wait for it [s] (%(default)s)")

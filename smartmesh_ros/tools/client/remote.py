@@ -69,8 +69,8 @@ class Remote:
 
     ``ground``: its terrain. ``sight``: bodies, patches and contacts. ``timings``: messages of ~/timing with their
     arrival [s]. ``counts``: received messages by topic. ``tasks``: the newest diagnostics, and ``warnings`` of these.
-    ``log``: last warnings of the log. ``paused``: None = unknown. ``changed_parameters``: changed values by name, until
-    the reader replaces the dictionary.
+    ``log``: last warnings of the log. ``paused``: None = unknown. ``clients``: of `SERVICES`. ``changed_parameters``:
+    changed values by name, until the reader replaces the dictionary.
     """
 
     def __init__(self, name: str) -> None:
@@ -89,7 +89,7 @@ class Remote:
         self.log: deque[str] = deque(maxlen=LOG_LINES)
         self.changed_parameters: dict[str, Any] = {}
         self.parameters = AsyncParameterClient(self.node, name)
-        self._clients = {key: self.node.create_client(kind, f"{name}/{key}") for key, kind in SERVICES.items()}
+        self.clients = {key: self.node.create_client(kind, f"{name}/{key}") for key, kind in SERVICES.items()}
         self._new: dict[str, deque[bytes]] = {}
         self._watched: set[str] = set()
         self._subscriptions: dict[str, tuple[Any, int]] = {}  # with the numbers of publishers
@@ -141,13 +141,9 @@ class Remote:
         there = ", ".join(colliders(self.node)) or "none"
         return f"there is no node {self.name} in DDS domain {domain} (ROS_DOMAIN_ID); running: {there}"
 
-    def client(self, service: str) -> Any:
-        """Return the client of one of `SERVICES`."""
-        return self._clients[service]
-
     def call(self, service: str, done: Callable[[str], None], **fields: Any) -> None:
         """Call one of `SERVICES`. ``done`` gets the reason of a refusal, or "" after success."""
-        client = self._clients[service]
+        client = self.clients[service]
         if not client.service_is_ready():
             done(f"there is no service {self.name}/{service}: is the node running?")
             return

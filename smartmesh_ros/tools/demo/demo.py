@@ -8,11 +8,10 @@ ground, which moves in real time, then jumps under the simulated bodies.
 
 from __future__ import annotations
 
-import argparse
 import math
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from pathlib import Path
 from time import monotonic
@@ -29,7 +28,7 @@ from visualization_msgs.msg import MarkerArray
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.running import Stop, init
 from smartmesh_ros.scenes.eight import robot_file
-from smartmesh_ros.startup.arguments import make_folder, number
+from smartmesh_ros.startup.arguments import Parser, make_folder, number
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.client.command import Caller
@@ -58,12 +57,12 @@ START_TIMEOUT = 60.0  # [s]
 
 
 class Demo:
-    """Spawns bodies, drives the robot and tells the state, over a ``remote`` of the collider. ``nodes``: processes that
-    must run, by name."""
+    """Spawns bodies, drives the robot and tells the state, over a ``remote`` of the collider and its ``caller``.
+    ``nodes``: processes that must run, by name."""
 
     def __init__(self, remote: Remote, nodes: Mapping[str, subprocess.Popen[bytes]]) -> None:
         self._nodes = nodes
-        self.remote, self._caller = remote, Caller(remote, START_TIMEOUT)
+        self.remote, self.caller = remote, Caller(remote, START_TIMEOUT)
         self._commands = remote.node.create_publisher(JointState, f"{remote.name}/joint_commands", 10)
 
     @property
@@ -85,14 +84,10 @@ class Demo:
             bodies={name: pose.position for name, pose in sight.poses.items()},
         )  # fmt: skip
 
-    def wait_for(self, condition: Callable[[], Any], what: str) -> None:
-        """Spin until the condition holds. Raises `InputError`, which names ``what``."""
-        self._caller.wait_for(condition, what)
-
     def spawn_all(self) -> None:
         """Spawn two dozen bodies of three shapes in rings, and a wheeled robot."""
         # Bodies spawned before the node has a map would fall, and be below the ground when the map arrives.
-        self.wait_for(lambda: self.remote.tasks and int(self._value("terrain", "tiles")), "map in the node")
+        self.caller.wait_for(lambda: self.remote.tasks and int(self._value("terrain", "tiles")), "map in the node")
         for index in range(BODIES):
             angle = 2.0 * math.pi * index / BODIES
             reach = 5.0 + 2.0 * (index % 3)
@@ -138,7 +133,7 @@ class Demo:
 
     def _spawn(self, name: str, x: float, y: float, clearance: float, **what: Any) -> None:
         pose = Pose(position=Point(x=x, y=y))
-        self._caller.call("spawn_body", id=name, mass=5.0, pose=pose, on_ground=True, clearance=clearance, **what)
+        self.caller.call("spawn_body", id=name, mass=5.0, pose=pose, on_ground=True, clearance=clearance, **what)
 
 
 @contextmanager
@@ -190,7 +185,7 @@ def watch(demo: Demo, seconds: float) -> tuple[list[Frame], int]:
 
 def main(args: list[str] | None = None) -> None:
     """Run the demo."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__)
     seconds = number(float, 0.1, 3600.0)
     parser.add_argument("--seconds", type=seconds, default=15.0, help="duration of the recording (%(default)s)")
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder of the pictures (%(default)s)")
@@ -225,7 +220,7 @@ def run(seconds: float) -> tuple[list[Frame], int, dict[str, int]]:
             remote.node.create_subscription(
                 MarkerArray, f"{remote.name}/patches", lambda _: came.update(["patches"]), 10, raw=True
             )
-            demo.wait_for(lambda: all(demo.counts.values()), "message on some output")
+            demo.caller.wait_for(lambda: all(demo.counts.values()), "message on some output")
             return *watch(demo, seconds), demo.counts
     except InputError as error:
         sys.exit(f"demo failed: {error}")

@@ -8,21 +8,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import matplotlib as mpl
 import numpy as np
-from numpy.typing import NDArray
-
-mpl.use("Agg")
-import matplotlib.pyplot as plt
+from matplotlib import colormaps
 from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import LightSource
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 # Ground drawn beyond the outermost bodies [m].
 MARGIN = 2.0
 # Frames of the clip between two lines about it.
 TOLD_EVERY = 10
-COLOURS = plt.get_cmap("gist_earth")
+COLOURS = colormaps["gist_earth"]
 # Extension of the colour range below the lowest height, as a fraction of the height range. It skips the blue part of
 # the colour map, which would look like water.
 BLUE_SHARE = 0.6
@@ -114,7 +112,8 @@ def _picture(frames: list[Frame], path: Path) -> Path:
     """Draw six frames from above, with a legend; return ``path``."""
     chosen = [frames[int(index)] for index in np.linspace(0, len(frames) - 1, 6)]
     window = window_of(frames)
-    figure, grid = plt.subplots(2, 3, figsize=(12, 8.8), dpi=100, constrained_layout=True)
+    figure = Figure(figsize=(12, 8.8), dpi=100, layout="constrained")
+    grid = figure.subplots(2, 3)
     for axes, frame in zip(grid.ravel(), chosen, strict=True):
         _plan(axes, frame, window)
     kinds = {_kind(name): _mark(name) for name in frames[-1].bodies}
@@ -123,14 +122,14 @@ def _picture(frames: list[Frame], path: Path) -> Path:
     figure.legend(handles=marks, loc="outside lower center", ncols=len(marks), frameon=False)
     figure.suptitle("A wave travels over a real elevation model: patches follow the bodies")
     figure.savefig(path)
-    plt.close(figure)
     return path
 
 
 def _clip(frames: list[Frame], path: Path, say: Callable[[str], object]) -> Path:
     chosen = frames[:: math.ceil(len(frames) / 30)]
     window = window_of(frames)
-    figure, axes = plt.subplots(figsize=(5, 5), dpi=80, constrained_layout=True)
+    figure = Figure(figsize=(5, 5), dpi=80, layout="constrained")
+    axes = figure.subplots()
 
     def show(index: int) -> list[Any]:
         axes.clear()
@@ -142,5 +141,4 @@ def _clip(frames: list[Frame], path: Path, say: Callable[[str], object]) -> Path
             say(f"{index} of {count} frames of the clip")
 
     FuncAnimation(figure, show, frames=len(chosen)).save(path, writer=PillowWriter(fps=6), progress_callback=tell)
-    plt.close(figure)
     return path

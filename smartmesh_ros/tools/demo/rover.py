@@ -14,7 +14,6 @@ from smartmesh_msgs.msg import Heightmap, TrackedBodyArray
 from smartmesh_msgs.srv import SpawnBody
 from std_msgs.msg import Header
 
-from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.running import spin
@@ -40,10 +39,7 @@ class Rover(ParameterNode):
         super().__init__(NAME, SPECS, **node_options)
         values = self.values
         self._frame_id, self._wanted = values["frame_id"], values["listeners"]
-        try:
-            self._ground = eight.ground()
-        except ModuleNotFoundError:
-            raise InputError("terrain", "the elevation model needs Matplotlib: pip install matplotlib") from None
+        self._ground = eight.ground()
         self._maps = self.create_publisher(Heightmap, "terrain_collider/heightmap", LATCHED)
         self._commands = self.create_publisher(JointState, "terrain_collider/joint_commands", 10)
         self._spawner = self.create_client(SpawnBody, "terrain_collider/spawn_body")

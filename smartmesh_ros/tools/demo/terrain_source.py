@@ -9,7 +9,6 @@ from rclpy.time import Time
 from smartmesh_msgs.msg import Heightmap, HeightmapUpdate
 from std_msgs.msg import Header
 
-from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
@@ -89,12 +88,7 @@ def make_scene(values: dict[str, Any]) -> Scene:
     relief: Any = 0.0
     rows, columns = values["rows"], values["columns"]
     if values["scene"] == "elevation":
-        try:
-            relief = jacksboro_fault(values["relief"])
-        except ModuleNotFoundError:
-            raise InputError(
-                "missing", "scene 'elevation' needs Matplotlib's sample data; install matplotlib"
-            ) from None
+        relief = jacksboro_fault(values["relief"])
         rows, columns = relief.shape
     geometry = centred_grid(rows, columns, values["resolution"], values["yaw"])
     if values["scene"] not in ("waves", "elevation"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,12 +26,12 @@ class Penetration:
     whose centre was below the ground at any sample. ``bodies``: number of all bodies.
     """
 
-    p50: float
-    p99: float
-    most: float
-    hover: float
-    lost: int
-    bodies: int
+    p50: float = math.nan
+    p99: float = math.nan
+    most: float = math.nan
+    hover: float = math.nan
+    lost: int = 0
+    bodies: int = 0
 
 
 def penetration(clearance: FloatArray, below: BoolArray, held: BoolArray) -> Penetration:
@@ -48,8 +49,9 @@ def penetration(clearance: FloatArray, below: BoolArray, held: BoolArray) -> Pen
     return Penetration(p50, p99, most, hover, int(gone[-1].sum()) if len(gone) else 0, clearance.shape[1])
 
 
-def held_up(before: FloatArray, after: FloatArray, dt: float) -> BoolArray:
+def held_up(
+    before: FloatArray, after: FloatArray, dt: float, gravity: tuple[float, float, float] = (0.0, 0.0, -GRAVITY)
+) -> BoolArray:
     """Return True (N,) for supported bodies, by velocities (N, 3) [m/s] before and after a step of ``dt`` [s]."""
-    felt = (after - before) / dt
-    felt[:, 2] += GRAVITY
-    return np.asarray(np.linalg.norm(felt, axis=1) > HELD_UP * GRAVITY)
+    felt = np.linalg.norm((after - before) / dt - gravity, axis=1)
+    return np.asarray(felt > HELD_UP * math.hypot(*gravity))

@@ -38,7 +38,6 @@ class Bodies:
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     rolling: bool = False
     friction: float = 0.5
-    seed: int = 5
 
     def make_shape(self) -> Shape:
         """Return the shape of each body."""
@@ -95,7 +94,7 @@ class Scene:
         """Return the initial states of the bodies, which are at least a bounding diameter apart."""
         bodies = self.bodies
         apart = 2.0 * bodies.make_shape().bounding_radius
-        rng = np.random.default_rng(bodies.seed)
+        rng = np.random.default_rng(5)
         places: list[FloatArray] = []
         middle = 0.5 * (self.grid[0] - 1) * self.grid[1]
         for _ in range(100_000):

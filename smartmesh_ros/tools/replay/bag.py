@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -123,11 +124,10 @@ class Messages:
     def __init__(self, messages: Sequence[tuple[str, float, Any]], node: str) -> None:
         named = ((name if name.startswith("/") else f"{node}/{name}", time, one) for name, time, one in messages)
         self._records = sorted((recorded(*message) for message in named), key=lambda record: record.time)
-        counts = {record.topic: 0 for record in self._records}
-        for record in self._records:
-            counts[record.topic] += 1
-        kinds = {record.topic: record.type_name for record in self._records}
-        self.topics: Mapping[str, Topic] = {topic: Topic(kinds[topic], count, True) for topic, count in counts.items()}
+        counts = Counter(record.topic for record in self._records)
+        self.topics: Mapping[str, Topic] = {
+            one.topic: Topic(one.type_name, counts[one.topic], True) for one in self._records
+        }
         self.end = self._records[-1].time if self._records else 0.0
 
     def records(self, topics: Collection[str]) -> Iterator[Record]:
@@ -157,9 +157,8 @@ def class_of(name: str) -> Any:
     try:
         return getattr(importlib.import_module(f"{package}.{middle}"), message)
     except (ModuleNotFoundError, AttributeError):
-        raise InputError(
-            "missing", f"{name} is not installed; apt install ros-jazzy-{package.replace('_', '-')}"
-        ) from None
+        debian = f"ros-jazzy-{package.replace('_', '-')}"
+        raise InputError("missing", f"{name} is not installed; source its workspace, or apt install {debian}") from None
 
 
 def recorded(topic: str, time: float, message: Any) -> Record:

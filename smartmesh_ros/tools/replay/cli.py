@@ -18,6 +18,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.startup.arguments import Parser
 from smartmesh_ros.startup.remappings import refuse_expanded
 from smartmesh_ros.tools.replay.bag import Bag
 from smartmesh_ros.tools.replay.parameters import read_parameters
@@ -62,9 +63,7 @@ def ended(
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    found = argparse.ArgumentParser(
-        prog="replay", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    found = Parser("replay", description=__doc__)
     found.add_argument("bag", metavar="BAG", type=Path, help="a recorded bag")
     add_node_arguments(found)
     found.add_argument("-o", "--output", type=Path, metavar="OUT.mcap", help="file for the outputs (none)")
@@ -90,7 +89,11 @@ def _run(options: argparse.Namespace) -> int:
         raise InputError("parameter", f"--until is {until:g}; it must be a number of seconds above zero")
     bag, names, line = Bag(options.bag), Names(rules=rules_of(options.remap)), ProgressLine()
     parameters = read_parameters(options.params_file, options.param, names.node)
-    file = None if options.output is None else new_file(options.output)
+    file = None
+    if options.output is not None:
+        from smartmesh_ros.tools.replay.mcap_file import McapFile
+
+        file = McapFile(options.output)
     if file is not None and file.path.exists() and bag.path.resolve() in (place := file.path.resolve(), place.parent):
         raise InputError("file", f"-o {file.path} is the bag itself, or one of its files; name another file")
     wanted = options.topics and {names.full(topic) for topic in options.topics}
@@ -115,13 +118,6 @@ def _run(options: argparse.Namespace) -> int:
                 file.note("smartmesh_ros_digest", replay.digest)
         speed = replay.time / max(monotonic() - begun, 1e-9)
         return report(replay, speed, file, options.check, interrupted=bool(asked))
-
-
-def new_file(path: Path) -> McapFile:
-    """Return a file for outputs."""
-    from smartmesh_ros.tools.replay.mcap_file import McapFile
-
-    return McapFile(path)
 
 
 def report(replay: Replay, speed: float, file: McapFile | None, check: str | None, *, interrupted: bool) -> int:

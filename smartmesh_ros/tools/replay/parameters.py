@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from ament_index_python.packages import get_package_share_directory
 
-import smartmesh_ros
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.declaring import QOS, nearest
 from smartmesh_ros.node.parameters.helping import PARAMETERS, mismatch, parameters_by_node, pattern
@@ -54,22 +54,11 @@ def settings_of(values: Mapping[str, Any]) -> Settings:
     return settings_from({**DEFAULTS, **{name: value for name, value in values.items() if name in NAMES}})
 
 
-def preset_folder() -> Path | None:
-    """Return the folder of the presets in the source tree or in the installed share folder, None if not found."""
-    for above in Path(smartmesh_ros.__file__).parents[1:]:
-        for candidate in (above / "share" / "smartmesh_ros" / "config", above / "config"):
-            if (candidate / "fast.yaml").is_file():
-                return candidate
-    return None
-
-
 def preset_values(name: str) -> dict[str, Any]:
     """Return the parameters of a preset; raise `InputError` with the known presets if it does not exist."""
-    found = preset_folder()
-    path = (found or Path()) / f"{name}.yaml"
-    if found is None or not path.is_file():
-        known = sorted(file.stem for file in found.glob("*.yaml")) if found else []
-        raise InputError("preset", f"there is no preset {name!r}; choose {', '.join(known) or 'a parameter file'}")
+    path = Path(get_package_share_directory("smartmesh_ros")) / "config" / f"{name}.yaml"
+    if not path.is_file():
+        raise InputError("preset", f"there is no preset {name!r}; choose {', '.join(PRESETS)}, or a parameter file")
     return read_file(path, NODE)
 
 

@@ -43,25 +43,10 @@ if TYPE_CHECKING:
     from smartmesh_ros.tools.replay.replay import Replay
 
 __all__ = [
-    "COLLIDER",
-    "TIMEOUT",
-    "Probe",
-    "Process",
-    "assert_cannot_start",
-    "assert_on_map",
-    "domain",
-    "executable",
-    "floats",
-    "heightmap_message",
-    "isolated",
-    "layer_message",
-    "mesh_message",
-    "point_message",
-    "points_of",
-    "pose_message",
-    "probe",
-    "replay",
-]
+    "COLLIDER", "TIMEOUT", "Probe", "Process", "assert_cannot_start", "assert_on_map", "domain", "executable", "floats",
+    "heightmap_message", "isolated", "layer_message", "mesh_message", "point_message", "points_of", "pose_message",
+    "probe", "replay",
+]  # fmt: skip
 
 try:
     import pytest

@@ -19,18 +19,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
-from smartmesh_msgs.msg import (
-    ColliderPatchArray,
-    ContactArray,
-    ContactWrenchArray,
-    Heightmap,
-    HeightmapUpdate,
-    TerrainMesh,
-    TerrainMeshUpdate,
-    Timing,
-    TrackedBody,
-    TrackedBodyArray,
-)
+from smartmesh_msgs import msg
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.tools.testing.messages import heightmap_message, points_of, pose_message
@@ -42,23 +31,23 @@ DIAGNOSTICS = "/diagnostics"
 # Topics below the collider's name. A probe subscribes to `_OUTPUTS` at once, and to `_MORE_OUTPUTS` in `latest`.
 _OUTPUTS = {
     "patches": MarkerArray,
-    "collider_patches": ColliderPatchArray,
-    "body_states": TrackedBodyArray,
-    "contacts": ContactArray,
-    "timing": Timing,
+    "collider_patches": msg.ColliderPatchArray,
+    "body_states": msg.TrackedBodyArray,
+    "contacts": msg.ContactArray,
+    "timing": msg.Timing,
 }
 _MORE_OUTPUTS = {
     "joint_states": JointState,
     "odometry": Odometry,
-    "contact_wrenches": ContactWrenchArray,
-    "pressed_ground": HeightmapUpdate,
+    "contact_wrenches": msg.ContactWrenchArray,
+    "pressed_ground": msg.HeightmapUpdate,
 }
 _INPUTS = {
-    "heightmap": Heightmap,
-    "heightmap_update": HeightmapUpdate,
-    "terrain_mesh": TerrainMesh,
-    "terrain_mesh_update": TerrainMeshUpdate,
-    "tracked_bodies": TrackedBodyArray,
+    "heightmap": msg.Heightmap,
+    "heightmap_update": msg.HeightmapUpdate,
+    "terrain_mesh": msg.TerrainMesh,
+    "terrain_mesh_update": msg.TerrainMeshUpdate,
+    "tracked_bodies": msg.TrackedBodyArray,
     "body_poses": PoseArray,
 }
 # Queue of responses that wait while the probe handles other messages; the default depth of ROS is 10.
@@ -216,7 +205,7 @@ class Probe:
         self.wait_for(future.done)
         return future.result()
 
-    def publish_map(self, heights: ArrayLike, **options: Any) -> Heightmap:
+    def publish_map(self, heights: ArrayLike, **options: Any) -> msg.Heightmap:
         """Publish a map of heights (rows, columns) [m] and return its message; options as of `heightmap_message`."""
         message = heightmap_message(heights, stamp=options.pop("stamp", self.now()), **options)
         self.publishers["heightmap"].publish(message)
@@ -231,10 +220,10 @@ class Probe:
 
     def publish_bodies(self, bodies: dict[str, Sequence[float]], radius: float = 0.0, frame_id: str = "map") -> None:
         """Publish tracked bodies by name and position [m]."""
-        message = TrackedBodyArray()
+        message = msg.TrackedBodyArray()
         message.header.stamp, message.header.frame_id = self.now(), frame_id
         message.bodies = [
-            TrackedBody(id=name, pose=pose_message(position), radius=radius) for name, position in bodies.items()
+            msg.TrackedBody(id=name, pose=pose_message(position), radius=radius) for name, position in bodies.items()
         ]
         self.publishers["tracked_bodies"].publish(message)
 

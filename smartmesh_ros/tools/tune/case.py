@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,17 +29,18 @@ from smartmesh_ros.world.world import World
 LONGEST = 5.0
 
 
-class Truth(Protocol):
+class Truth(ABC):
     """The true ground of a run."""
 
-    def note(self, world: World) -> None:
+    def note(self, world: World) -> None:  # noqa: B027  the ground of a scene is known without
         """Look at the world after each step and message."""
 
-    def keep(self, world: World) -> None:
+    def keep(self, world: World) -> None:  # noqa: B027
         """Look at the world at the instant of a snapshot."""
 
+    @abstractmethod
     def at(self, time: float) -> list[Surface]:
-        """Return the true surfaces at a time [s] of the run, which may be over."""
+        """Return the true surfaces at a time [s] of the run, which may be over and does not decrease."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,25 +113,18 @@ def maps_of(scene: Scene) -> list[tuple[str, float, Any]]:
     return found
 
 
-class SceneGround:
+class SceneGround(Truth):
     """The ground of a scene, which is known at any time."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene, self._ground = scene, scene.make_ground()
 
-    def note(self, world: World) -> None:
-        """Do nothing."""
-
-    def keep(self, world: World) -> None:
-        """Do nothing."""
-
     def at(self, time: float) -> list[Surface]:
-        """Return the surface at ``time`` [s], which may not decrease from call to call."""
         scene = self._scene
         return [scene.surface(np.array(self._ground.heights(time if scene.moves else 0.0)), time)]
 
 
-class RecordedGround:
+class RecordedGround(Truth):
     """The ground of a bag: interpolated between the map before and the map after an instant. Where changes are
     corrections, it is the ground that the node shows, which approaches the corrected one over ``terrain.settle``."""
 
@@ -138,19 +133,16 @@ class RecordedGround:
         self._revisions: dict[str, int] = {}
 
     def note(self, world: World) -> None:
-        """Keep the maps that have come."""
         for name, tile in _height_maps(world, corrects=False):
             if self._revisions.get(name) != tile.revision:
                 self._revisions[name] = tile.revision
                 self._maps[name].append(Kept(tile.time, tile.geometry, tile.heights.copy()))
 
     def keep(self, world: World) -> None:
-        """Keep the ground that is shown now where changes are corrections."""
         for name, tile in _height_maps(world, corrects=True):
             self._maps[name].append(Kept(world.time, tile.geometry, _shown(tile, world.time)))
 
     def at(self, time: float) -> list[Surface]:
-        """Return the surfaces at ``time`` [s]."""
         return [_between(maps, time) for maps in self._maps.values() if maps[0].time <= time]
 
 

@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from smartmesh_ros.tools.tune.figures import Figures
@@ -18,7 +17,6 @@ from smartmesh_ros.tools.tune.report import Result
 def draw(path: Path, result: Result) -> Any:
     """Write the chart to a file; return its axes."""
     figure = Figure(figsize=(8.0, 5.0), layout="constrained")
-    FigureCanvasAgg(figure)
     axes: Any = figure.subplots()
     _draw(axes, result.points, "o", label="tried", color="0.75", markersize=4)
     _draw(axes, front(result.points), "o-", label="front", color="tab:blue", markersize=4, linewidth=1.0)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.running import Stop
-from smartmesh_ros.startup.arguments import make_folder
+from smartmesh_ros.startup.arguments import Parser, make_folder
 from smartmesh_ros.tools.replay.cli import INTERRUPTED, ProgressLine, add_node_arguments, ended, rules_of
 from smartmesh_ros.tools.replay.parameters import preset_values, read_parameters
 from smartmesh_ros.tools.replay.transport import Names
@@ -72,9 +72,7 @@ def find(options: argparse.Namespace) -> Result:
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    found = argparse.ArgumentParser(
-        prog="tune", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    found = Parser("tune", description=__doc__)
     found.add_argument("source", metavar="SOURCE", help="a bag, a scene's name, or a scene file")
     given = found.add_argument_group("input")
     add_node_arguments(given)

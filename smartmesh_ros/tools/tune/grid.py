@@ -68,7 +68,11 @@ def measure_all(case: Case, jobs: int, say: Callable[[int, int], None] = lambda 
         finally:
             pool.shutdown(cancel_futures=True)
     _, reference = found.pop(len(tried))
-    points = [replace(_with_deviation(*found[place], reference), values=values) for place, values in enumerate(tried)]
+    points = []
+    for place, values in enumerate(tried):
+        figures, positions = found[place]
+        apart = [math.dist(positions[name], end) for name, end in reference.items() if name in positions]
+        points.append(replace(figures, values=values, deviation=float(np.median(apart)) if apart else math.nan))
     if math.isinf(point_of(points, KNOWN).error):
         raise InputError(
             "bodies", "nothing can be measured here: no simulated body stayed over the ground; the parameter file's "
@@ -80,12 +84,6 @@ def measure_all(case: Case, jobs: int, say: Callable[[int, int], None] = lambda 
 def point_of(points: Iterable[Figures], values: Mapping[str, float]) -> Figures:
     """Return the point of these settings."""
     return next(point for point in points if point.values == values)
-
-
-def _with_deviation(figures: Figures, positions: Mapping[str, Vector], reference: Mapping[str, Vector]) -> Figures:
-    """Return the figures with the median distance of the bodies from the reference."""
-    apart = [math.dist(positions[name], place) for name, place in reference.items() if name in positions]
-    return replace(figures, deviation=float(np.median(apart)) if apart else math.nan)
 
 
 def best(points: Iterable[Figures], asked: Mapping[str, float], limits: Mapping[str, float]) -> Figures:

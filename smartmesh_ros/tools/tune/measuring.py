@@ -19,7 +19,7 @@ from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.ground.state import Quaternion, Vector
 from smartmesh_ros.tools.evaluation.clearance import clearances
 from smartmesh_ros.tools.evaluation.distance import Surface
-from smartmesh_ros.tools.evaluation.measures import HELD_UP, penetration
+from smartmesh_ros.tools.evaluation.measures import held_up, penetration
 from smartmesh_ros.tools.tune.case import Case
 from smartmesh_ros.tools.tune.figures import Figures
 from smartmesh_ros.world.world import World
@@ -116,13 +116,11 @@ def _velocities(world: World) -> dict[str, Vector]:
 
 
 def _held(world: World, before: Mapping[str, Vector], rate: float) -> set[str]:
-    """Return the bodies whose acceleration in the last step differs from free fall."""
-    gravity, after, found = world.config.physics.gravity, _velocities(world), set()
-    for name in before.keys() & after.keys():
-        felt = (np.array(after[name]) - before[name]) * rate - gravity
-        if world.bodies[name].shape is not None and np.linalg.norm(felt) > HELD_UP * math.hypot(*gravity):
-            found.add(name)
-    return found
+    """Return the bodies without joints that something supports in the last step."""
+    after = _velocities(world)
+    names = [name for name in before.keys() & after.keys() if world.bodies[name].shape is not None]
+    now, then = (np.array([of[name] for name in names]).reshape(-1, 3) for of in (after, before))
+    return {names[index] for index in np.flatnonzero(held_up(then, now, 1.0 / rate, world.config.physics.gravity))}
 
 
 def _parts_of(world: World) -> Iterator[tuple[Part, Pose]]:

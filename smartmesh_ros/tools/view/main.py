@@ -10,14 +10,13 @@ import math
 import sys
 from contextlib import closing, nullcontext
 from time import monotonic
-from typing import Any
 
 from rclpy.utilities import try_shutdown
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.helping import own_arguments
 from smartmesh_ros.node.running import Stop, init
-from smartmesh_ros.startup.arguments import number
+from smartmesh_ros.startup.arguments import Parser, number
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.tools.client.remote import Remote
 
@@ -28,7 +27,7 @@ PATIENCE = 3.0
 def main(args: list[str] | None = None) -> None:
     """Run the view until SIGINT or SIGTERM."""
     given = sys.argv if args is None else ["view", *args]
-    parser = argparse.ArgumentParser("view", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser("view", description=__doc__)
     parser.add_argument("--node", default="/terrain_collider", help="full name of the node (%(default)s)")
     parser.add_argument("--host", default="localhost", help="address to listen on; 0.0.0.0 = all (%(default)s)")
     port, rate = number(int, 0, 65535), number(float, 1.0, 100.0)
@@ -57,7 +56,13 @@ def show(options: argparse.Namespace, stop: Stop) -> None:
     """Show a node until ``stop`` is asked for."""
     from smartmesh_ros.tools.view.page import Page
 
-    with closing(Remote("/" + options.node.strip("/"))) as remote, demo_of(remote, options.demo) as demo:
+    if options.demo:
+        from smartmesh_ros.tools.demo.demo import demo_running  # imports Matplotlib
+
+    with (
+        closing(Remote("/" + options.node.strip("/"))) as remote,
+        demo_running(remote) if options.demo else nullcontext() as demo,
+    ):
         stop.starting = False  # the page is ended in order
         with closing(Page(remote, options.host, options.port)) as page:
             print(f"{remote.name} is shown at {page.url}", flush=True)
@@ -74,12 +79,3 @@ def show(options: argparse.Namespace, stop: Stop) -> None:
                 if demo is not None and not stop.asked:
                     demo.require_nodes()
                     demo.drive()
-
-
-def demo_of(remote: Remote, wanted: bool) -> Any:
-    """Return the running demo as a context manager, of None if it is not ``wanted``."""
-    if not wanted:
-        return nullcontext()
-    from smartmesh_ros.tools.demo.demo import demo_running  # imports Matplotlib, which a view of a node does not need
-
-    return demo_running(remote)

@@ -39,13 +39,6 @@ STAGES = {
 # Times above this many times what a stage rarely exceeds are cut, so that a stall does not flatten the rest. Rarely: in
 # this share of the messages.
 CUT, RARELY = 2.0, 0.1
-# A line that the browser itself shows if WebGL draws on the processor; viser's server does not know.
-SLOW_BROWSER = """<div hidden style="margin:6px 12px;font-size:12px">This browser draws on the processor: while the page
-is open, drawing takes cores from the node.</div><img hidden src="data:," onerror="
-const gl = document.createElement('canvas').getContext('webgl2');
-const info = gl && gl.getExtension('WEBGL_debug_renderer_info');
-const name = info ? gl.getParameter(info.UNMASKED_RENDERER_WEBGL) : '';
-this.previousElementSibling.hidden = !/swiftshader|llvmpipe|softpipe|software/i.test(name)">"""
 
 
 class Panel:
@@ -59,7 +52,6 @@ class Panel:
         gui = server.gui
         with tab:
             self._status = gui.add_markdown("looking for the node ...")
-            gui.add_html(SLOW_BROWSER)
             self._pause = gui.add_button("Pause", color="blue")
             look = gui.add_button("Look at the bodies", color="gray")
             with gui.add_folder("Patches"):

@@ -89,6 +89,8 @@ def _drawable(appearance: BodyDescription) -> bytes:
     root[:0] = root.findall("link/visual/material[color]")  # other links may name them
     for capsule in root.iter("capsule"):  # which PyBullet reads, but yourdfpy does not
         capsule.tag = "cylinder"
+    for joint in root.iterfind("joint[@type='spherical']"):  # neither
+        joint.set("type", "fixed")
     for origin in root.iter("origin"):
         for key in ("xyz", "rpy"):
             if _NO_NUMBERS.search(origin.get(key, "")):

@@ -254,6 +254,15 @@ def test_a_robot_is_drawn_by_its_meshes_and_else_by_its_collision_shapes(
     assert server.scene._handle_from_node_name["/labels/rover"].position[2] == pytest.approx(1.0 + height + GAP)
 
 
+def test_a_robot_with_a_spherical_joint_is_drawn(server: Any) -> None:
+    arm = URDF.removeprefix('<robot name="r">').replace('name="b"', 'name="arm"')
+    joint = '<joint name="j" type="spherical"><origin xyz="0 0 1"/><parent link="b"/><child link="arm"/></joint>'
+    robot = Robot(server, "r", BodyDescription(urdf=URDF.replace("</robot>", joint + arm)))
+    robot.show(Sight(bases={"b": Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))}))
+    assert robot.readable
+    assert server.scene._handle_from_node_name["/labels/r"].position[2] == pytest.approx(1.2 + GAP)
+
+
 def test_a_robot_has_the_colours_of_its_description_in_daylight(server: Any, tmp_path: Path) -> None:
     """Of a material that another link defines too, and of a mesh's own. Metal would be black without surroundings."""
     shapes = '<box size="1 1 1"/>', '<capsule radius="1" length="2"/>', '<mesh filename="cube.obj"/>'

@@ -1,1 +1,0 @@
-"""Several nodes on one terrain: how many bodies they carry."""

@@ -1,1 +1,0 @@
-"""How well engines keep the laws of contact, and how far runs drift apart that start a micrometre apart."""
