@@ -16,7 +16,7 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.node.outputs.cdr import floats
-from smartmesh_ros.tools.testing.messages import heightmap_message, pose_message
+from smartmesh_ros.tools.messages import heightmap_message, pose_message
 from smartmesh_ros.tools.testing.process import Process
 from studies.load.processes import COLLIDER, Usage, Watcher
 

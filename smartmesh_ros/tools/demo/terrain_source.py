@@ -18,7 +18,7 @@ from smartmesh_ros.scenes import SCENES
 from smartmesh_ros.scenes.moving import InwardWaves, Scene, Wave, jacksboro_fault
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.tools.evaluation.grounds import make_ground
-from smartmesh_ros.tools.testing import heightmap_message
+from smartmesh_ros.tools.messages import heightmap_message
 
 NAME = "terrain_source"
 # Maximum time between whole maps in region mode [s]; a late subscriber waits no longer for one.

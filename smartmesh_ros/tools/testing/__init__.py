@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.startup.dds import isolated
-from smartmesh_ros.tools.testing.messages import (
+from smartmesh_ros.tools.messages import (
     assert_on_map,
     heightmap_message,
     layer_message,

@@ -22,7 +22,7 @@ from sensor_msgs.msg import JointState
 from smartmesh_msgs import msg
 from visualization_msgs.msg import Marker, MarkerArray
 
-from smartmesh_ros.tools.testing.messages import heightmap_message, points_of, pose_message
+from smartmesh_ros.tools.messages import heightmap_message, points_of, pose_message
 from smartmesh_ros.tools.testing.process import START_TIMEOUT, TIMEOUT, Process
 from smartmesh_ros.tools.testing.report import explain_timeout
 

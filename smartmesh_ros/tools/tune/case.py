@@ -19,10 +19,10 @@ from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.evaluation.distance import Surface
 from smartmesh_ros.tools.evaluation.scene import FOLDER, Scene, read_scene
+from smartmesh_ros.tools.messages import heightmap_message
 from smartmesh_ros.tools.replay.bag import Bag, Messages
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.replay.transport import Names
-from smartmesh_ros.tools.testing import heightmap_message
 from smartmesh_ros.world.world import World
 
 # Longest replay of a bag if none is given [s].
