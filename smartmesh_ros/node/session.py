@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
@@ -98,6 +99,7 @@ class Session:
         self.turns = Turns()
         self.files = FileWork()
         self.lost: dict[str, str] = {}
+        self._ticked = math.inf
 
     @property
     def marker_namespace(self) -> str:
@@ -195,6 +197,13 @@ class Session:
             self.refusals.add(service, outcome)
         conclude(response, outcome)
         return response
+
+    def stall(self) -> float:
+        """Return by how much more than it can catch up with the loop was held up since the last call [s]: that does not
+        count as silence of peers and sources, whose messages wait to be read."""
+        now, before = self.clock.pace(), self._ticked
+        self._ticked = now
+        return max(now - before - self.pacer.most_catch_up, 0.0)
 
     def clock_now(self) -> float:
         """Return the time to compare stamps with [s]: simulated time if the node publishes it, else its clock."""

@@ -90,10 +90,11 @@ class Collider:
         session = self.session
         with session.lock:
             with session.enduring("inputs"):
+                stall = session.stall()
                 self._bodies.refresh()
                 self._decks.refresh()
-                self._peers.refresh()
-                self._bodies.expire()
+                self._peers.refresh(stall)
+                self._bodies.expire(stall)
             with session.enduring("physics"):
                 if session.paused:
                     session.world.update()
