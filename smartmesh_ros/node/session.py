@@ -248,7 +248,8 @@ class Session:
 
     def require_room(self, names: Iterable[str]) -> None:
         """Raises `InputError` if bodies of these names would be too many with those of the world."""
-        count = len({*self.world.bodies, *names})
+        there = self.world.bodies
+        count = len(there) + len({name for name in names if name not in there})
         if count > MOST_BODIES:
             raise InputError("size", f"{count} bodies; at most {MOST_BODIES} are possible")
 
