@@ -122,7 +122,8 @@ class Collider:
     def close(self) -> None:
         """Gives up what is under way, and closes the world."""
         if session := getattr(self, "session", None):  # ROS 2 Kilted destroys nodes that could not start, too
-            session.turns.close()
+            with session.enduring("services"):
+                session.turns.close()
             session.files.close()
             session.world.close()
 
