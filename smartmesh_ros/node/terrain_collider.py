@@ -140,7 +140,9 @@ class Collider:
                 await NextTurn()
             with session.lock:
                 if not session.paused:
-                    raise InputError("not_paused", "the physics is running; call ~/pause with data: true first")
+                    done = f"; {part.start} of {count} steps are done" if part.start else ""
+                    words = "the physics is running; call ~/pause with data: true first"
+                    raise InputError("not_paused", f"{words}{done}")
                 if not 1 <= count <= MOST_STEPS:
                     raise InputError("steps", f"{count} steps; ask for 1 to {MOST_STEPS} at a time")
                 session.world.step(part.stop - part.start)
