@@ -18,8 +18,8 @@ from smartmesh_ros.node.session import Session
 STALE = 2.0
 # Most inputs whose stamps are reported.
 MOST_AGES = 32
-# Time without a map after which a latched publisher may have sent its only map before [s]. Before, the map may be on its
-# way: a source that starts with the node makes its first map, or the machine is busy.
+# Time without a map after which a latched publisher may have sent its only one before [s]. Until then the map may be on
+# its way: a source that starts with the node makes it, or the machine is busy.
 PATIENCE = 3.0
 # Period of the diagnostics, and of the check for appearing and disappearing publishers [s].
 DIAGNOSTICS_PERIOD, CONNECTIONS_PERIOD = 1.0, 0.1
