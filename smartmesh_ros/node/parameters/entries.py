@@ -255,7 +255,7 @@ def entries_of(
             entry = make(found, place)
         except InputError as error:
             raise InputError("parameter", f"{parameter} has entry {text!r}: {error}") from None
-        except (yaml.YAMLError, ValueError, OverflowError) as error:  # of a date that is none, a number that is too large
+        except (yaml.YAMLError, ValueError, OverflowError) as error:  # of impossible dates and numbers
             raise InputError("parameter", f"{parameter} has entry {text!r}, which is no YAML: {error}") from None
         name = getattr(entry, "topic", str(found[owner]))
         if entries.setdefault(name, entry) is not entry:
