@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
@@ -98,6 +99,7 @@ class Session:
         self.turns = Turns()
         self.files = FileWork()
         self.lost: dict[str, str] = {}
+        self._ticked = math.inf
 
     @property
     def marker_namespace(self) -> str:
@@ -196,6 +198,13 @@ class Session:
         conclude(response, outcome)
         return response
 
+    def stall(self) -> float:
+        """Return by how much more than it can catch up with the loop was held up since the last call [s]: that does not
+        count as silence of peers and sources, whose messages wait to be read."""
+        now, before = self.clock.pace(), self._ticked
+        self._ticked = now
+        return max(now - before - self.pacer.most_catch_up, 0.0)
+
     def clock_now(self) -> float:
         """Return the time to compare stamps with [s]: simulated time if the node publishes it, else its clock."""
         return self.time_at(0.0) if self.settings.publish.clock else self.clock.stamp_now()
@@ -239,7 +248,8 @@ class Session:
 
     def require_room(self, names: Iterable[str]) -> None:
         """Raises `InputError` if bodies of these names would be too many with those of the world."""
-        count = len({*self.world.bodies, *names})
+        there = self.world.bodies
+        count = len(there) + len({name for name in names if name not in there})
         if count > MOST_BODIES:
             raise InputError("size", f"{count} bodies; at most {MOST_BODIES} are possible")
 

@@ -90,10 +90,11 @@ class Collider:
         session = self.session
         with session.lock:
             with session.enduring("inputs"):
+                stall = session.stall()
                 self._bodies.refresh()
                 self._decks.refresh()
-                self._peers.refresh()
-                self._bodies.expire()
+                self._peers.refresh(stall)
+                self._bodies.expire(stall)
             with session.enduring("physics"):
                 if session.paused:
                     session.world.update()
@@ -121,7 +122,8 @@ class Collider:
     def close(self) -> None:
         """Gives up what is under way, and closes the world."""
         if session := getattr(self, "session", None):  # ROS 2 Kilted destroys nodes that could not start, too
-            session.turns.close()
+            with session.enduring("services"):
+                session.turns.close()
             session.files.close()
             session.world.close()
 
@@ -138,7 +140,9 @@ class Collider:
                 await NextTurn()
             with session.lock:
                 if not session.paused:
-                    raise InputError("not_paused", "the physics is running; call ~/pause with data: true first")
+                    done = f"; {part.start} of {count} steps are done" if part.start else ""
+                    words = "the physics is running; call ~/pause with data: true first"
+                    raise InputError("not_paused", f"{words}{done}")
                 if not 1 <= count <= MOST_STEPS:
                     raise InputError("steps", f"{count} steps; ask for 1 to {MOST_STEPS} at a time")
                 session.world.step(part.stop - part.start)

@@ -95,8 +95,7 @@ def test_each_body_that_times_out_is_named(now: list[float], monkeypatch: pytest
     with fed({"bodies.timeout": 0.5}) as node:
         for name in ("first", "second"):
             node.give("tracked_bodies", TrackedBodyArray(bodies=[TrackedBody(id=name)]), steps=1)
-            now[0] += 1.0
-            node.run(1)
+            node.play(now, 1.0, math.inf, lambda: None)
         now[0] += LOG_PERIOD
         node.run(1)
         assert not node.world.bodies
@@ -236,6 +235,18 @@ def test_a_body_that_is_heard_of_neither_stops_nor_goes_however_old_its_poses_ar
             assert tracking.expire(heard + 0.99 / rate) == []
             assert world.state("rover").linear == (1.0, 0.0, 0.0)
         assert tracking.expire(heard + 0.51) == ["rover"]
+
+
+def test_a_stall_of_the_node_takes_no_tracked_body_away_whose_poses_wait_to_be_read(now: list[float]) -> None:
+    with fed({"frame_id": "map"}) as node:
+        at = [TrackedBody(id="crane", twist=Twist(linear=Vector3(x=1.0)))]
+        node.play(now, 0.3, 0.05, lambda: node.give("tracked_bodies", TrackedBodyArray(bodies=at), 0))
+        uid = node.world.bodies["crane"].uid
+        now[0] += 5.0
+        node.play(now, 0.05, math.inf, lambda: None)
+        assert node.world.bodies["crane"].uid == uid and node.world.state("crane").linear[0] == pytest.approx(1.0)
+        node.play(now, 1.2, math.inf, lambda: None)  # the time-out counts again
+        assert not node.world.bodies
 
 
 def test_shapes_come_from_the_message_or_else_from_the_parameter() -> None:

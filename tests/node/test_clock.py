@@ -60,6 +60,13 @@ def test_with_use_sim_time_the_physics_follows_the_clock() -> None:
         assert node.node.pacer.misses == 0
 
 
+def test_a_clock_at_the_last_stamp_that_there_is_ends_no_node() -> None:
+    """The states are a step ahead of it, and the core takes no later stamp."""
+    with fed({"use_sim_time": True}) as node:
+        set_clock(node, 2.0**31 - 0.001)
+        assert node.node.session.stamp_now() == Time(sec=2**31 - 1, nanosec=999_999_999)
+
+
 def test_a_map_that_comes_before_the_first_message_of_the_clock_is_of_no_other_clock(logged: Logged) -> None:
     with fed({"use_sim_time": True}) as node:
         message = heightmap_message(np.zeros((10, 10)))

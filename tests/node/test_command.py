@@ -19,7 +19,7 @@ from smartmesh_ros.startup.executables import STARTED_BY_NAME
 from smartmesh_ros.tools.client import command
 from smartmesh_ros.tools.client.remote import Remote, colliders
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, heightmap_message
-from tests.node.shared import position_of, show_map, wait_until
+from tests.node.shared import changed, position_of, show_map, wait_until
 from tests.urdfs import link, mesh, robot
 
 Command = Callable[..., str]
@@ -89,6 +89,14 @@ def test_bodies_are_spawned_listed_and_removed(shared: Probe, smartmesh: Command
     assert states["bodies"][0]["mass"] == 2.0
     assert smartmesh("remove", "crate", "can") == ""
     assert [line.partition(":")[0] for line in smartmesh("list").splitlines()] == ["ball", "pill", "rover"]
+
+
+def test_a_tracked_body_is_listed_by_what_is_known_of_it(shared: Probe, smartmesh: Command) -> None:
+    """The node publishes no poses of tracked bodies, which come from its sources."""
+    show_map(shared, np.zeros((60, 60)))
+    with changed(shared, {"bodies.timeout": 1000.0}):
+        shared.wait_for(lambda: shared.publish_bodies({"crane": (1.0, 1.0, 0.3)}, 0.3) or shared.patches())
+        assert smartmesh("list") == "crane: sphere 0.3, tracked, where the topic with its poses says"
 
 
 def test_what_is_refused_is_told(shared: Probe, smartmesh: Command, tmp_path: Path) -> None:

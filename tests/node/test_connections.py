@@ -1,6 +1,7 @@
 """QoS: as the parameters ``qos_overrides.*`` give it, and peers whose QoS does not fit are named, with the policy, also
 where discovery brings their names later than their endpoints."""
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,13 +17,15 @@ from smartmesh_msgs.msg import ContactArray, Heightmap
 
 from smartmesh_ros.node.endpoints import NAME_TIMEOUT, NAMELESS, UNKNOWN, EndpointNames, incompatible_peers
 from smartmesh_ros.node.fleet.front import Front
+from smartmesh_ros.node.outputs import diagnostics
 from smartmesh_ros.node.sensor.terrain_sensor import TerrainSensor
 from smartmesh_ros.node.terrain_collider import TerrainCollider
+from smartmesh_ros.node.timing.pacing import NodeClock
 from smartmesh_ros.startup.dds import POLICY_VARIABLE, VARIABLE, use_large_message_profile
 from smartmesh_ros.tools.demo.rover import Rover
 from smartmesh_ros.tools.demo.terrain_source import TerrainSource
 from smartmesh_ros.tools.testing import COLLIDER, Probe, Process, heightmap_message
-from tests.node.shared import LATCHED, made_with, stamped
+from tests.node.shared import LATCHED, Logged, fed, made_with, stamped
 
 # Size of the shared memory that the profile asks for [bytes].
 SEGMENT = 128 * 1024**2
@@ -68,6 +71,18 @@ def test_a_map_that_was_latched_before_the_node_started_is_not_missed_without_a_
             assert all(words in probe.diagnostics("terrain")["message"] for _ in range(3))
             assert words not in process.output
         probe.wait_for(lambda: clock.publish(Clock(clock=Time(sec=5))) or words in process.output)
+
+
+def test_a_source_that_starts_with_the_node_is_no_reason_to_warn(
+    now: list[float], monkeypatch: pytest.MonkeyPatch, logged: Logged
+) -> None:
+    """Its first map may take longer than the diagnostics' second look."""
+    monkeypatch.setattr(NodeClock, "steady", lambda _: now[0])
+    monkeypatch.setattr(diagnostics, "unheard_latched", lambda *_: "a latched publisher")
+    with fed({}) as node:
+        for lines in (0, 1):
+            node.play(now, 2.5, math.inf, lambda: None)
+            assert logged().count("no map yet: a latched publisher") == lines
 
 
 def test_large_maps_go_through_with_the_installed_profile(probe: Probe, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,8 @@ import psutil
 import pytest
 from rclpy.node import Node
 from smartmesh_msgs.msg import Heightmap
-from smartmesh_msgs.srv import QueryGround
+from smartmesh_msgs.srv import QueryGround, StepPhysics
+from std_srvs.srv import SetBool
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.refusals import Refusals
@@ -49,7 +50,14 @@ def test_a_signal_ends_the_node_cleanly(probe: Probe) -> None:
         calls = [asked.call_async(QueryGround.Request(x=[0.1] * n, y=[0.1] * n)) for n in (90_000, 1, 50_000, 2)]
         probe.wait_for(lambda: all(call.done() for call in calls))
         assert [len(call.result().z) for call in calls] == [90_000, 1, 50_000, 2]
+        # Whoever waits when the node ends is told.
+        assert probe.call("pause", SetBool, data=True).success
+        steps = probe.client("step", StepPhysics)
+        calls = [steps.call_async(StepPhysics.Request(steps=100_000)) for _ in range(20)]
+        assert probe.call("query_ground", QueryGround).success  # after them
         assert process.stop(signal.SIGINT) == 0
+        probe.wait_for(lambda: all(call.done() for call in calls))
+        assert "the node ends before this is done" in calls[-1].result().message
         assert "Traceback" not in process.output
 
 

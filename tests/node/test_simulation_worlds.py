@@ -111,7 +111,7 @@ def test_a_world_that_is_refused_changes_nothing(shared: Probe, worlds: Path) ->
     before = ask(shared, "get_current_world").world
     for code, fields in (
         (L.NO_RESOURCE, {}),
-        (L.UNSUPPORTED_FORMAT, {"uri": f"{worlds}/rover.urdf"}),
+        *((L.UNSUPPORTED_FORMAT, {"uri": path}) for path in (f"{worlds}/rover.urdf", "/nowhere/world.sdf")),
         (Result.RESULT_OPERATION_FAILED, {"uri": f"{worlds}/../../slope.npy"}),
         (Result.RESULT_OPERATION_FAILED, {"uri": "http://host/slope.npy"}),
         (L.RESOURCE_PARSE_ERROR, {"uri": "package://no_such_pkg/slope.npy"}),

@@ -90,7 +90,7 @@ def test_many_steps_are_done_in_turns_between_which_the_node_takes_calls_and_sig
         assert 0.0 < ask(100_000) < 100_000 / 240.0
         node.node.pause(False)
         node.node.turn()
-        assert "the physics is running" in answers[0].message
+        assert "the physics is running" in answers[0].message and "; 300 of 100000 steps are done" in answers[0].message
         node.node.pause(True)
         before = node.world.time
         node.step(1050)

@@ -110,8 +110,6 @@ def _names_in(content: bytes, count: int) -> list[str]:
 TOPIC = "body_states"
 # Period of the search for new peers [s].
 DISCOVERY_PERIOD = 1.0
-# Time between refreshes above which this node itself has stalled [s].
-LEAST_STALL = 0.1
 # Relative tolerance for equal gravity and rate, which messages hold in single precision.
 RELATIVE_TOLERANCE = 1e-5
 STATES_TYPE = "smartmesh_msgs/msg/TrackedBodyArray"
@@ -144,18 +142,16 @@ class PeerBodies:
         self._named = [name for name in session.settings.peers if name not in (AUTO, self._own)]
         self._peers: dict[str, _Peer] = {}
         self._due = 0.0
-        self._last_refresh = math.inf
         for name in self._named:
             self._listen(name)
 
-    def refresh(self) -> None:
-        """Remove the bodies of peers that timed out, and search for new peers once per `DISCOVERY_PERIOD`."""
+    def refresh(self, stall: float) -> None:
+        """Remove the bodies of peers that timed out, and search for new peers once per `DISCOVERY_PERIOD`; ``stall``
+        [s] as of `Session.stall`."""
         now = self._session.clock.pace()
-        # A stall of this node itself does not count as silence of its peers.
-        pause, self._last_refresh = max(now - self._last_refresh - LEAST_STALL, 0.0), now
         for name, peer in self._peers.items():
-            if peer.heard is not None and pause:
-                peer.heard += pause
+            if peer.heard is not None and stall:
+                peer.heard = min(peer.heard + stall, now)
             if peer.heard is not None and now - peer.heard > self._session.settings.body_timeout:
                 peer.heard, peer.clock = None, self._session.stamp_clock()
                 self._session.world.guests.forget(name)
@@ -171,7 +167,6 @@ class PeerBodies:
         for peer in self._peers.values():
             peer.clock = self._session.stamp_clock()
             peer.heard = None if peer.heard is None else now
-        self._last_refresh = math.inf
 
     def summaries(self) -> dict[str, str]:
         """Return the diagnostics text of each peer by name."""

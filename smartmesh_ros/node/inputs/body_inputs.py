@@ -73,10 +73,11 @@ class BodyInputs:
         self._frames.forget()
         self.transforms.buffer.clear()
 
-    def expire(self) -> None:
-        """Removes the tracked bodies without a pose for the time-out, and logs them, at most once a `LOG_PERIOD`."""
+    def expire(self, stall: float) -> None:
+        """Removes the tracked bodies without a pose for the time-out, and logs them, at most once a `LOG_PERIOD`;
+        ``stall`` [s] as of `Session.stall`."""
         session, gone = self._session, self._gone
-        gone += session.tracking.expire(session.clock.pace())
+        gone += session.tracking.expire(session.clock.pace(), stall)
         if gone and session.clock.steady() - self._told >= LOG_PERIOD:
             names = listed([*map(repr, gone)])
             words = f"no pose came within bodies.timeout = {session.settings.body_timeout:g} s: removed {names}"

@@ -18,6 +18,9 @@ from smartmesh_ros.node.session import Session
 STALE = 2.0
 # Most inputs whose stamps are reported.
 MOST_AGES = 32
+# Time without a map after which a latched publisher may have sent its only one before [s]. Until then the map may be on
+# its way: a source that starts with the node makes it, or the machine is busy.
+PATIENCE = 3.0
 # Period of the diagnostics, and of the check for appearing and disappearing publishers [s].
 DIAGNOSTICS_PERIOD, CONNECTIONS_PERIOD = 1.0, 0.1
 # A smaller share of the clock's time that is simulated is too slow.
@@ -67,7 +70,7 @@ class Diagnostics:
         self._due, self._connections_due = 0.0, 0.0
         self._connections: dict[str, int] = {}
         self._refused_before = 0
-        self._unheard, self._told = "", False
+        self._waiting_since, self._told = self._session.clock.steady(), False
 
     def publish(self, now: float) -> None:
         """Publish the state if it is due at the steady time ``now`` [s], or if a publisher appeared or disappeared."""
@@ -118,14 +121,16 @@ class Diagnostics:
         return DiagnosticStatus.OK, "maps arrive", values
 
     def _no_map(self) -> str:
-        """Return that there is no map yet, and why, if that may be known; log why when it is found again."""
-        node, before = self._session.node, self._unheard
-        self._unheard = unheard_latched(node, self._session.terrain_subscriptions)
+        """Return that there is no map yet, and why, if that may be known; log why once it lasts `PATIENCE`."""
+        session, now = self._session, self._session.clock.steady()
+        unheard = unheard_latched(session.node, session.terrain_subscriptions)
         # A node that waits for the clock says nothing, because the publisher may wait for it, too.
-        if self._unheard and self._unheard == before and not (self._told or self._session.waits_for_clock):
-            node.get_logger().warning(f"no map yet: {self._unheard}")
+        if not unheard or session.waits_for_clock:
+            self._waiting_since = now
+        elif now - self._waiting_since > PATIENCE and not self._told:
+            session.node.get_logger().warning(f"no map yet: {unheard}")
             self._told = True
-        return f"no map yet: {self._unheard}" if self._unheard else "no map yet"
+        return f"no map yet: {unheard}" if unheard else "no map yet"
 
     def _bodies(self) -> tuple[bytes, str, dict[str, Any]]:
         world, peers = self._world, self._peers.summaries()

@@ -93,7 +93,7 @@ def output_entries(parameter: str, texts: Sequence[str]) -> tuple[OutputEntry, .
     kind = _KINDS[parameter]
 
     def entry(found: dict[str, Any], place: int) -> OutputEntry:
-        body = _body(found)
+        body = name_in(found)
         others = {key: _checked(key, found.get(key, usual), usual) for key, usual in kind.others.items()}
         seed = {"seed": place} if "seed" in kind.settings else {}
         config = kind.make(**seed | {key: found[key] for key in kind.settings if key in found})
@@ -142,8 +142,8 @@ def shape_entries(parameter: str, texts: Sequence[str]) -> tuple[ShapeEntry, ...
         if ("urdf" in found) == ("shape" in found):
             raise InputError("parameter", "it needs a shape and its size, or a urdf")
         if "urdf" in found:
-            return ShapeEntry(_body(found), urdf=_checked("urdf", found["urdf"], ""))
-        return ShapeEntry(_body(found), shape_in(found))
+            return ShapeEntry(name_in(found), urdf=_checked("urdf", found["urdf"], ""))
+        return ShapeEntry(name_in(found), shape_in(found))
 
     return entries_of(parameter, texts, ("shape", "size", "urdf"), entry)
 
@@ -255,7 +255,7 @@ def entries_of(
             entry = make(found, place)
         except InputError as error:
             raise InputError("parameter", f"{parameter} has entry {text!r}: {error}") from None
-        except (yaml.YAMLError, ValueError) as error:  # ValueError: of a date that is none
+        except (yaml.YAMLError, ValueError, OverflowError) as error:  # of impossible dates and numbers
             raise InputError("parameter", f"{parameter} has entry {text!r}, which is no YAML: {error}") from None
         name = getattr(entry, "topic", str(found[owner]))
         if entries.setdefault(name, entry) is not entry:
@@ -264,7 +264,8 @@ def entries_of(
     return tuple(entries.values())
 
 
-def _body(found: dict[str, Any]) -> str:
-    body = str(found["body"]) if type(found["body"]) is int else found["body"]
+def name_in(found: dict[str, Any], owner: str = "body") -> str:
+    """Return the name of a body in a mapping; digits may be a number. Raises `InputError`."""
+    body = str(found[owner]) if type(found[owner]) is int else found[owner]
     require_body_name(body)
-    return body
+    return str(body)

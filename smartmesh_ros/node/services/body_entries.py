@@ -9,6 +9,7 @@ its centre starts that far above the ground. ``yaw`` [rad] is the turn about z.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from typing import Any
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.state import Vector
-from smartmesh_ros.node.parameters.entries import entries_of, shape_in
+from smartmesh_ros.node.parameters.entries import entries_of, name_in, shape_in
 from smartmesh_ros.world.robots.prepared import PreparedRobot
 
 _PLACE = ("xyz", "xy", "above", "clearance", "align", "yaw")
@@ -76,13 +77,15 @@ def _entry(found: dict[str, Any], _: int) -> Entry:
     """Return the entry of a mapping. Raises `InputError`."""
     urdf = str(found.get("urdf", ""))
     shape = None if urdf else shape_in(found)
-    with _refused("mass and yaw must be numbers"):
-        mass, yaw = float(found.get("mass", 1.0)), float(found.get("yaw", 0.0))
-    with _refused("it needs xyz: [x, y, z], or xy: [x, y] with clearance or above"):
+    with _refused("mass and yaw must be finite numbers"):
+        mass, yaw = _finite(found.get("mass", 1.0)), _finite(found.get("yaw", 0.0))
+    with _refused("it needs xyz: [x, y, z], or xy: [x, y] with clearance or above, all of them finite"):
         place = _place(found)
+    if not isinstance(found.get("align", False), bool):
+        raise InputError("parameter", f"align is {found['align']!r}; it must be true or false")
     if {"clearance", "align"} & found.keys() and {"xyz", "above"} & found.keys():
         raise InputError("parameter", "clearance and align go with xy alone, not with xyz or above")
-    return Entry(str(found["id"]), shape=shape, mass=mass, urdf=urdf, yaw=yaw, **place)
+    return Entry(name_in(found, "id"), shape=shape, mass=mass, urdf=urdf, yaw=yaw, **place)
 
 
 @contextmanager
@@ -90,16 +93,23 @@ def _refused(words: str) -> Iterator[None]:
     """Raise `InputError` with ``words`` if the block cannot convert a value."""
     try:
         yield
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         raise InputError("parameter", words) from None
+
+
+def _finite(value: Any) -> float:
+    """Return a finite number. Raises errors of Python, as for what is none."""
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError
+    return number
 
 
 def _place(entry: dict[str, Any]) -> dict[str, Any]:
     if "xyz" in entry:
-        x, y, z = (float(value) for value in entry["xyz"])
+        x, y, z = map(_finite, entry["xyz"])
         return {"xyz": (x, y, z)}
-    x, y = (float(value) for value in entry["xy"])
+    x, y = map(_finite, entry["xy"])
     if "above" in entry:
-        return {"xy": (x, y), "above": float(entry["above"])}
-    clearance = float(entry.get("clearance", 0.0))
-    return {"xy": (x, y), "clearance": clearance, "align": bool(entry.get("align", False))}
+        return {"xy": (x, y), "above": _finite(entry["above"])}
+    return {"xy": (x, y), "clearance": _finite(entry.get("clearance", 0.0)), "align": entry.get("align", False)}

@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 
 from rclpy.service import Service
 
+from smartmesh_ros.errors import InputError
+
 
 @dataclass(frozen=True)
 class NextTurn:
@@ -84,6 +86,13 @@ class Turns:
         return False
 
     def close(self) -> None:
-        """Give up all work."""
+        """Give up all work; callers that wait for it are told."""
         while self._waiting:
-            self._waiting.popleft()[0].close()
+            steps, send = self._waiting.popleft()
+            try:
+                steps.throw(InputError("ended", "the node ends before this is done"))
+            except StopIteration as end:
+                send(end.value)
+            except InputError:  # work that has not begun
+                pass
+            steps.close()

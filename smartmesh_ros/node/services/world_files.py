@@ -28,7 +28,7 @@ from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.node.services.body_entries import Entry, entries_from
 from smartmesh_ros.node.services.files import allowed_folders, files_in, with_package_paths
 
-SCENES = (".yaml", ".yml")
+WORLDS = (*files.KINDS, ".yaml", ".yml")
 RASTER = "raster."
 # The parameters that make a world.
 ELEMENTS = {
@@ -71,7 +71,10 @@ def folders_of_worlds(settings: Settings) -> tuple[Path, ...]:
 def world_of(resource: Any, settings: Settings) -> WorldFile:
     """Return the world of a resource, by its ``uri`` or else its ``resource_string``. Raises `InputError`."""
     if resource.uri:
-        return world_of_file(_allowed(Path(with_package_paths(resource.uri)), settings), settings)
+        path = Path(with_package_paths(resource.uri))
+        if path.suffix.lower() not in WORLDS:
+            raise InputError("world_format", f"{path} is no world; the files of worlds end in {', '.join(WORLDS)}")
+        return world_of_file(_allowed(path, settings), settings)
     if not resource.resource_string:
         raise InputError("no_resource", "both uri and resource_string are empty; give a file, or a text of parameters")
     return _world_of_text(resource.resource_string, settings, name="world")
@@ -79,12 +82,8 @@ def world_of(resource: Any, settings: Settings) -> WorldFile:
 
 def world_of_file(path: Path, settings: Settings) -> WorldFile:
     """Return the world of a terrain file or a parameter file. Raises `InputError`."""
-    suffix = path.suffix.lower()
-    if suffix in files.KINDS:
+    if path.suffix.lower() in files.KINDS:
         return WorldFile(name=path.stem, uri=path.as_uri(), terrain=str(path), raster=settings.raster)
-    if suffix not in SCENES:
-        known = ", ".join((*files.KINDS, *SCENES))
-        raise InputError("world_format", f"{path} is no world; the files of worlds end in {known}")
     try:
         text = path.read_text(encoding="utf-8")
     except ValueError as error:
@@ -95,7 +94,7 @@ def world_of_file(path: Path, settings: Settings) -> WorldFile:
 
 def worlds_in(sources: list[str], settings: Settings) -> tuple[list[WorldFile], list[str]]:
     """Return the worlds in the folders of the parameters and of ``sources``, and what is wrong with ``sources``."""
-    found, wrong = files_in(folders_of_worlds(settings), sources, (*files.KINDS, *SCENES), settings)
+    found, wrong = files_in(folders_of_worlds(settings), sources, WORLDS, settings)
     worlds = []
     for path in found:
         with suppress(InputError):  # other YAML

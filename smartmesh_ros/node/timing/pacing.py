@@ -62,8 +62,8 @@ class NodeClock:
 
 
 def stamp_of(seconds: float) -> Time:
-    """Return a time [s] as a stamp; negative times are clamped to zero."""
-    nanoseconds = max(round(seconds * 1e9), 0)
+    """Return a time [s] as a stamp, clamped to those that there are: from zero on, in 32 bits."""
+    nanoseconds = min(max(round(seconds * 1e9), 0), 2**31 * 1_000_000_000 - 1)
     return Time(sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000)
 
 

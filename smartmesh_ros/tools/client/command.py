@@ -127,9 +127,12 @@ def show_bodies(caller: Caller, _: argparse.Namespace) -> str:
     for name, body in sight.appearances.items():
         kind = "robot" if body.urdf else kinds.get(body.shape, "body")
         size = " x ".join(f"{value:g}" for value in body.dimensions)
-        how = "tracked" if body.tracked else "asleep" if name in sight.asleep else "simulated"
-        place = ", ".join(f"{value:.3f}" for value in sight.poses[name].position) if name in sight.poses else "unknown"
-        lines.append(f"{name}: {' '.join(filter(None, (kind, size)))}, {how}, at ({place})")
+        if body.tracked:  # ~/body_states has simulated bodies alone
+            how = "tracked, where the topic with its poses says"
+        else:
+            place = ", ".join(f"{value:.3f}" for value in sight.poses[name].position)
+            how = f"{'asleep' if name in sight.asleep else 'simulated'}, at ({place})"
+        lines.append(f"{name}: {' '.join(filter(None, (kind, size)))}, {how}")
     return "\n".join(lines) or "no bodies"
 
 
