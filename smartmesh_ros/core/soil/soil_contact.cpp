@@ -38,8 +38,8 @@ Vec3 on_surface(const Underside& shape, const Vec3& mean) {
 
 }  // namespace
 
-// Fills `under_` with the samples that a part whose rim slips reaches if it goes down by `deepest` [m]; zero = all below
-// whose level it is, also those that have sunk away from it.
+// Fills `under_` with the samples that a part whose rim slips reaches if it goes down by `deepest` [m]; zero = all
+// whose level it is below, also those that have sunk away from it.
 void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, double slip, double deepest,
                            const SoilStep& step) {
   under_.clear();
