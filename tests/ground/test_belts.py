@@ -118,3 +118,10 @@ def test_a_box_does_not_creep_on_a_map_that_turns(maps: int) -> None:
 def test_a_robot_turns_with_a_map_if_friction_erp_is_zero() -> None:
     found = ride(lambda time: (0.0, 0.0, time), 1.0, (0.5, 0.0), body=ROBOT, share=0.0)(1.0)
     assert found.angular == pytest.approx((0.0, 0.0, 1.0), abs=1e-3)
+
+
+def test_a_robot_does_not_creep_on_a_map_that_turns_if_friction_erp_is_zero() -> None:
+    """Its friction aims at the proxy's velocity, which is that of the ground there and not of the samples around."""
+    found = ride(lambda time: (0.0, 0.0, time), 3.0, (0.513, 0.028), body=ROBOT, share=0.0)
+    begin, end = (rotation(about_z(time)).T @ found(time).position for time in (1.0, 3.0))
+    assert end == pytest.approx(begin, abs=2e-3)

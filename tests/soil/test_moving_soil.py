@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, HeightMap, Soil, World
+from smartmesh_ros import BodyState, Box, HeightMap, Soil, Sphere, World
 from tests.bodies import about_z
 from tests.grounds import moving
 
@@ -37,6 +37,20 @@ def test_a_box_on_soil_that_slides_or_turns_sinks_as_on_soil_at_rest_and_moves_w
             assert state.position[2] == pytest.approx(0.1 - 5.4e-3, abs=1e-4)
         assert places[0] == pytest.approx((0.4, 0.3), abs=0.01)
         assert places[1] == pytest.approx(places[0], abs=1e-5)
+
+
+def test_a_ball_on_soil_that_rocks_is_not_thrown() -> None:
+    """By 6 degrees in 8 s. It rolls a little; the soil that it leaves behind stays down below it."""
+    with World(HeightMap(FLAT, resolution=0.04, origin=(-2.0, -2.0))) as world:
+        world.ground.set_soil(Soil(world.terrain, "dry_sand"))
+        world.spawn("ball", Sphere(0.15), 20.0, BodyState((0.313, 0.17, 0.15)))
+        world.step(120)
+        start, forces = world.time, []
+        for _ in moving(world, lambda time: 0.1 * math.sin(math.tau * (time - start) / 8.0) * ALONG, 960):
+            (wrench,) = world.wrenches()
+            forces.append(wrench.force[2] / (20.0 * 9.81))
+        assert 0.9 < min(forces[240:]) < max(forces[240:]) < 1.1
+        assert world.state("ball").position[0] == pytest.approx(0.313, abs=0.1)
 
 
 @pytest.mark.parametrize("soil", ["dry_sand", "clay"])

@@ -116,9 +116,8 @@ void BulletWorld::place(Slot& slot) {
     if (has_decks || near.highest > (pose * to_bullet(slot.body_shape->parts[0].inside)).z())
       maybe_below_.push_back(static_cast<int>(&slot - attached.slots.data()));
   }
-  double moved = (norm(near.velocity) + near.spread) * now.duration;
   const double by_decks = decks_.find_near(slot, bounds);
-  moved = std::max(moved, by_decks);
+  const double moved = std::max((norm(near.velocity) + near.spread) * now.duration, by_decks);
   const Bounds reach = swept.grown(moved);
   const bool is_above = near.highest < reach.low.z, is_far = is_above && by_decks < 0.0;
   bound(now.world, ground, is_far ? nullptr : &reach);
@@ -131,7 +130,8 @@ void BulletWorld::place(Slot& slot) {
   ground.setWorldTransform(frame);
   ground.setInterpolationWorldTransform(frame);
   // What the solver does beside the rows of contacts, as pushing deep bodies out, is relative to the proxy.
-  ground.setLinearVelocity(to_bullet(is_above ? slot.decks.front().velocity : near.velocity));
+  const Vec3 turned = cross(slot.ground_angular, at - (swept.low + swept.high) * 0.5);
+  ground.setLinearVelocity(to_bullet(is_above ? slot.decks.front().velocity : near.velocity + turned));
   ground.setAngularVelocity(to_bullet(slot.ground_angular));
   // Bullet's solver has a copy of each kinematic body, and one for all that are static.
   const bool rests = ground.getLinearVelocity().isZero() && ground.getAngularVelocity().isZero();

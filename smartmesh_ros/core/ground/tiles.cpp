@@ -270,7 +270,11 @@ NearbyGround Tiles::near(const Bounds& bounds, double time, double ahead) {
     for (const MeshSurface* mesh : meshes_) mesh->add_velocities(bounds, time, ahead, scratch_, speeds);
   if (!(speeds.low.x <= speeds.high.x)) return found;
   found.velocity = (speeds.low + speeds.high) * 0.5;
-  found.spread = norm(speeds.high - found.velocity);
+  if (under_.size() == 1 && under_[0]->pose.spin != 0.0) {  // its samples are not around the middle
+    const Vec3 slide = under_[0]->pose.mean_slide(middle.x, middle.y, ahead);
+    found.velocity = {slide.x, slide.y, found.velocity.z};
+  }
+  found.spread = std::max(norm(speeds.high - found.velocity), norm(speeds.low - found.velocity));
   return found;
 }
 

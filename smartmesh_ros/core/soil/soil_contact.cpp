@@ -19,8 +19,6 @@ constexpr double LOAD_ERROR = 1e-6;
 constexpr double LEAST_SHARE = 0.05;
 // Depth from which a body that appears in the soil has been put there [m].
 constexpr double PUT_IN = 1e-3;
-// Distance from the soil up to which a part holds its print there [m]: it may be unloaded for a moment.
-constexpr double HELD = 1e-3;
 // By how much soil may be higher than the mean around it, which the map shows [m].
 constexpr double HIGHER = 0.01;
 
@@ -40,7 +38,8 @@ Vec3 on_surface(const Underside& shape, const Vec3& mean) {
 
 }  // namespace
 
-// Fills `under_` with the samples that a part whose rim slips reaches if it goes down by `deepest` [m].
+// Fills `under_` with the samples that a part whose rim slips reaches if it goes down by `deepest` [m]; zero = all
+// whose level it is below, also those that have sunk away from it.
 void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, double slip, double deepest,
                            const SoilStep& step) {
   under_.clear();
@@ -59,7 +58,7 @@ void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, double s
     soils_.push_back(under_load(soil.soil(kind), contact_width(placed.shape), step.dt));
     if (soil.sinks_by_slip) soils_.back().modulus *= std::pow(slip_sinkage(slip), -soils_.back().exponent);
   }
-  const bool is_rolling = rolls(placed.shape.solid);
+  const bool leaves_sunk = rolls(placed.shape.solid) && deepest > 0.0;
   row_.x.resize(static_cast<std::size_t>(right - left + 1));
   for (int c = left; c <= right; ++c) row_.x[c - left] = (c - placed.column) * spacing;
   const bool is_level = stands_level(placed.shape);  // then its upright faces do not lift it off samples on their edges
@@ -74,7 +73,7 @@ void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, double s
       const double low = is_beside ? std::max(row_.low[k], placed.lowest) : exact_.low[k];
       FineSample& sample = soil.at(r, c);
       // Left out are holes, and soil that has sunk too far to carry, unless the middles of quarters count it.
-      if (!(placed.z + low - deepest < sample.level - (is_rolling ? sample.yield.plastic : 0.0))) continue;
+      if (!(placed.z + low - deepest < sample.level - (leaves_sunk ? sample.yield.plastic : 0.0))) continue;
       const LoadedSoil& own = soils_[soil.kind(r, c)];
       const double loaded = sample.step >= step.last ? sample.pressure : 0.0;
       under_.push_back({&sample,
@@ -247,7 +246,7 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
 
 SoilSums SoilUnderBody::press(SoilLattice& soil, const MovingSolid& moving, ShearedRim& rim, const SoilStep& step) {
   const PlacedPart placed = place_above(soil, moving.solid, step.time);
-  gather(soil, placed, rim.slip(), HELD, step);
+  gather(soil, placed, rim.slip(), 0.0, step);
   load({under_.data(), under_.data() + under_.size()}, 0.0);
   SoilSums sums;
   points_ = {{}, {}, soil.spacing(), placed.to_world({1.0, 0.0, 0.0})};
