@@ -221,7 +221,7 @@ MAPS = f"qos_overrides.{COLLIDER}/heightmap.subscription"
         ({"bodies.spawn": [f"{{id: x, urdf: a, xy: [1{'0' * 400}, 0]}}"]}, "all of them finite"),
         ({"bodies.spawn": [f"{{id: x, shape: sphere, size: [1{'0' * 400}], xy: [0, 0]}}"]}, "too large"),
         ({"bodies.spawn": ["{id: x, urdf: a, xy: [0, 0], align: maybe}"]}, "align is 'maybe'; it must be"),
-        ({"bodies.spawn": ["{id: a/b, urdf: a, xy: [0, 0]}"]}, "the name of a body is a text, not empty, without '/'"),
+        ({"bodies.spawn": ["{id: a/b, urdf: a, xy: [0, 0]}"]}, "cannot name a body; a name is printable text"),
         ({"bodies.spawn": ["{id: x, urdf: a, xy: [0]}"]}, "xy: [x, y] with clearance or above"),
         ({"bodies.spawn": ["{id: x, urdf: a, xyz: [0, 0, 0], align: true}"]}, "clearance and align go with xy alone"),
         ({"decks": ["{deck: ferry}"]}, "frame, odometry, body"),

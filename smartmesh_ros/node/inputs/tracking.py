@@ -109,7 +109,8 @@ class Tracking:
         """Removes the bodies without a pose for the time-out, and returns their names. Stops bodies without a pose for
         `MAX_INTERVAL`. A ``stall`` of the node [s] counts for neither: poses that came meanwhile are not read yet."""
         for name, seen in self._last_poses.items():
-            seen.heard = min(seen.heard + stall, time)
+            if stall:
+                seen.heard = min(seen.heard + stall, time)
             if seen.moving and time - seen.heard > MAX_INTERVAL and name in self._world.bodies:
                 state, body = self._world.state(name), self._world.bodies[name]
                 self._world.track(name, body.shape or body.radius, BodyState(state.position, state.orientation))
