@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from smartmesh_ros import BodyState, Box, GridGeometry, HeightMap, Sphere
+from smartmesh_ros import BodyState, Box, HeightMap, Sphere
+from smartmesh_ros.ground.quaternions import rotated
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.tools.evaluation.clearance import clearances
-from smartmesh_ros.tools.evaluation.distance import Surface
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from studies.engines.engine import Engine, EngineBody, Setup
 from studies.engines.smartmesh import SmartMesh
@@ -71,9 +70,11 @@ def bodies_of(kind: str) -> list[EngineBody]:
 
 def lowest(kind: str, poses: FloatArray) -> FloatArray:
     """Return how far the lowest point of each body (N,) is above the plane [m]."""
-    corners = np.array([0.0, MIDDLE, EXTENT])
-    plane = Surface(GridGeometry(rows=3, columns=3, resolution=MIDDLE), heights_at(corners, corners[:, None]))
-    return clearances(plane, SHAPES[kind], poses[:, :3], poses[:, 3:])
+    shape, above = SHAPES[kind], (poses[:, :3] - (MIDDLE, MIDDLE, 0.0)) @ NORMAL
+    if kind == "balls":
+        return np.asarray(above - shape.radius)
+    edges = rotated(poses[:, None, 3:], np.diag([shape.x, shape.y, shape.z]))
+    return np.asarray(above - 0.5 * np.abs(edges @ NORMAL).sum(axis=1))
 
 
 def run(engine: Engine, kind: str) -> Figures:
