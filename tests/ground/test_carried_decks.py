@@ -1,7 +1,8 @@
 """Decks and robots: bodies that carry a deck take the reaction, and a rover drives from one onto ground at rest."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,9 @@ DT = 1.0 / 240.0
 RAFT = Box(2.0, 2.0, 0.2)
 
 
-def test_cargo_rides_on_a_robot_that_drives_and_turns() -> None:
+@contextmanager
+def loaded_husky() -> Iterator[tuple[World, Terrain]]:
+    """A robot with a deck named bed on its back, and a body named cargo that has come to rest on it."""
     terrain = Terrain(level(81, 0.5))
     terrain.put("bed", Deck(level(9, 0.1), thickness=0.2))
     with world_of(terrain, friction=0.9) as world:
@@ -27,6 +30,11 @@ def test_cargo_rides_on_a_robot_that_drives_and_turns() -> None:
         world.carry("bed", Carrier("husky", position=(0.0, 0.0, 0.45)))
         world.spawn("cargo", Box(0.3, 0.3, 0.2), 20.0, BodyState((0.0, 0.0, 0.72)))
         world.step(240)
+        yield world, terrain
+
+
+def test_cargo_rides_on_a_robot_that_drives_and_turns() -> None:
+    with loaded_husky() as (world, terrain):
         for joint_name in (it.name for it in world.joints("husky") if "wheel" in it.name):
             world.command("husky", joint_name, JointCommand(velocity=4.0 if "left" in joint_name else 8.0))
         places = []
@@ -41,13 +49,7 @@ def test_cargo_rides_on_a_robot_that_drives_and_turns() -> None:
 
 
 def test_what_lay_on_the_deck_of_a_robot_sleeps_on_the_ground_once_the_deck_is_taken_away() -> None:
-    terrain = Terrain(level(81, 0.5))
-    terrain.put("bed", Deck(level(9, 0.1), thickness=0.2))
-    with world_of(terrain, friction=0.9) as world:
-        world.spawn_robot("husky", HUSKY, BodyState((0.0, 0.0, 0.15)))
-        world.carry("bed", Carrier("husky", position=(0.0, 0.0, 0.45)))
-        world.spawn("cargo", Box(0.3, 0.3, 0.2), 20.0, BodyState((0.0, 0.0, 0.72)))
-        world.step(240)
+    with loaded_husky() as (world, terrain):
         assert world.state("cargo").position[2] > 0.5
         terrain.remove("bed")
         world.remove("husky")
