@@ -41,7 +41,7 @@ class Ground(SavedBodies):
 
     def step(self, time: float, dt: float) -> None:
         """Run one ``stepSimulation`` of ``dt`` [s] from ``time`` [s] on. Raises `InputError` if PyBullet has another
-        time step. One that was set since the last step is seen only after this one: to ask PyBullet takes 2.5 us.
+        time step. A time step that was set since the last step is noticed one step late: asking PyBullet costs 2.5 us.
 
         A ``stepSimulation`` of your own does the same, from where the last step ended: bodies move with corrections of
         maps and are lifted out of ground that covers them, sleeping ones wake, bodies at rest fall asleep. What is

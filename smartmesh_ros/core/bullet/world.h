@@ -28,7 +28,7 @@ class BulletWorld {
   bool is_in(const btDiscreteDynamicsWorld* world) const;
   // Detaches all bodies and forgets the tiles, which may go.
   void release();
-  // Does that, and leaves the world for good, whose pairs still name this object.
+  // Releases, and leaves the world for good. This object must outlive the world, whose pairs still name it.
   void leave();
 
   // Puts a body's link and its `proxy` (-1 = none) into an unused slot; false if PyBullet has no such objects. `shape`:
@@ -48,9 +48,9 @@ class BulletWorld {
   // Brings bodies and ground to the time of the next step: bodies move with corrections of maps, sleeping ones wake
   // that something disturbed, proxies are placed, and bodies that are below the ground are put back onto it.
   void update();
-  // How often that was done so far.
+  // Number of times that a body was put back onto the ground.
   long rescues() const { return rescues_; }
-  // Does it before a step of the world, and what comes after it.
+  // Called by Bullet's ticks: updates before a step; after it time goes on, soil is pressed, and rest is noted.
   void before_step();
   void after_step();
   // Places the proxies for a collision query between steps.
