@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import tempfile
+import traceback
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -160,7 +161,7 @@ def made_with(kind: Any, parameters: Mapping[str, Any], arguments: Sequence[str]
         given = [*arguments, "--params-file", str(file)] if parameters else [*arguments]
         rclpy.init(context=context)
         try:
-            node = kind(context=context, cli_args=["--ros-args", *given])
+            node = _make(kind, context, given)
             try:
                 yield node
             finally:  # also of a test that fails: later ones of this process would meet the node
@@ -168,6 +169,18 @@ def made_with(kind: Any, parameters: Mapping[str, Any], arguments: Sequence[str]
         finally:
             gc.collect()  # what was made of the node, which peers would hear else
             rclpy.shutdown(context=context)
+
+
+def _make(kind: Any, context: Context, arguments: Sequence[str]) -> Any:
+    """A node. One that refuses to start would live, with all its topics, as long as its error: this lets go of it."""
+    try:
+        return kind(context=context, cli_args=["--ros-args", *arguments])
+    except Exception as refusal:
+        error: BaseException | None = refusal
+        while error is not None:
+            traceback.clear_frames(error.__traceback__)
+            error = error.__context__
+        raise
 
 
 class Fed:

@@ -1,6 +1,7 @@
 """Parameters: presets, help, dumps, files that say everything; those that cannot be are refused at the start, with what
 would be right. The node takes nothing from its own outputs: else a robot's odometry becomes a body inside the robot."""
 
+import gc
 import subprocess
 from collections.abc import Iterable
 from pathlib import Path
@@ -234,9 +235,12 @@ MAPS = f"qos_overrides.{COLLIDER}/heightmap.subscription"
     ],
 )
 def test_what_cannot_be_is_refused_at_the_start(parameters: dict[str, Any], words: str) -> None:
+    gc.collect()
     refusal = refusal_at_start(parameters)
     name, *_ = parameters
     assert words in refusal and name in refusal
+    left = [one for one in gc.get_objects() if isinstance(one, TerrainCollider)]
+    assert not left, "later tests in this process would meet it"
 
 
 @pytest.mark.parametrize(
