@@ -20,6 +20,7 @@ from smartmesh_ros.terrain.scrolling import carry_material
 from smartmesh_ros.terrain.surface_query import RayCaster, checked_rays
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
+from smartmesh_ros.tools.client.drawn_ground import drawn_ground
 from smartmesh_ros.tools.client.sight import Pose
 
 # The node's topics of terrain: their types, and what reads their messages.
@@ -38,14 +39,26 @@ MAX_WAITING = 2000
 
 class Ground:
     """All ``tiles`` by name, and the heights of the ``first`` map of each (rows, columns) [m]. Tiles of the decks among
-    ``frames`` lie in these. Messages wait as bytes until `apply_waiting`, because a newer map often replaces them
-    first."""
+    ``frames`` lie in these. ``shown``: the tiles, or while there are none the ground that the node draws. Messages wait
+    as bytes until `apply_waiting`, because a newer map often replaces them first."""
 
     def __init__(self) -> None:
         self.tiles: dict[str, MainMesh] = {}
         self.frames: Mapping[str, Pose] = {}
         self.first: dict[str, NDArray[np.float32]] = {}
+        self._drawn: dict[str, MainMesh] = {}
         self._waiting: list[tuple[str, str, bytes]] = []
+
+    @property
+    def shown(self) -> Mapping[str, MainMesh]:
+        return self.tiles or self._drawn
+
+    def draw(self, scene: bytes) -> None:
+        """Take the ground of a message of ``~/scene``, if it has any."""
+        with suppress(InputError):
+            if (corners := drawn_ground(scene)) is not None:
+                triangles = np.arange(len(corners)).reshape(-1, 3)
+                self._drawn = {"": TriangleMesh(corners, triangles, motion=STILL)}
 
     def take(self, topic: str, data: bytes) -> None:
         """Queue a message of a topic of `MAPS`. A height map replaces what waits for its tile."""
@@ -74,7 +87,7 @@ class Ground:
     def terrain(self) -> Terrain:
         """Return the tiles as terrain, with those of decks on decks."""
         found = Terrain()
-        for name, mesh in self.tiles.items():
+        for name, mesh in self.shown.items():
             if (deck := self.deck_of(name)) is None:
                 found.put(name, mesh)
                 continue

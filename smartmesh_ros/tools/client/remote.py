@@ -23,6 +23,7 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 from smartmesh_msgs.msg import ColliderPatchArray, Timing
 from smartmesh_msgs.srv import RemoveBodies, SpawnBody, StepPhysics
 from std_srvs.srv import SetBool, Trigger
+from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
@@ -32,7 +33,9 @@ from smartmesh_ros.tools.client.patch import read_patches
 from smartmesh_ros.tools.client.sight import KINDS, Sight
 
 # Types of the shown outputs. Outputs without subscribers are not built by the node.
-OUTPUTS: dict[str, Any] = {**KINDS, "collider_patches": ColliderPatchArray, "timing": Timing}
+OUTPUTS: dict[str, Any] = {
+    **KINDS, "collider_patches": ColliderPatchArray, "scene": MarkerArray, "timing": Timing,
+}  # fmt: skip
 SERVICES = {
     "pause": SetBool, "step": StepPhysics, "reset": Trigger, "spawn_body": SpawnBody, "remove_bodies": RemoveBodies,
 }  # fmt: skip
@@ -153,6 +156,8 @@ class Remote:
     def apply_waiting(self) -> None:
         """Apply all received messages to ``ground`` and ``sight``."""
         self.ground.apply_waiting()
+        for data in self._new.pop("scene", ()):
+            self.ground.draw(data)
         for topic in KINDS:
             for data in self._new.pop(topic, ()):
                 self.sight.take(topic, data)

@@ -105,7 +105,7 @@ class Panel:
             return head
         factor = remote.timings[-1][1].real_time_factor
         missed = sum(message.deadline_misses for came, message in remote.timings if came > monotonic() - WINDOW)
-        ground = "" if remote.ground.tiles else "\n\nno map has come yet; the next one is shown"
+        ground = "" if remote.ground.shown else "\n\nno map has come yet; the next one is shown"
         return (
             f"{head} `{remote.name}`\n\nreal-time factor **{factor:.2f}**, deadlines missed in the last {WINDOW:g} s: "
             f"**{missed}**\n\nbodies: {len(sight.appearances)}, patches: {len(sight.patches)}{ground}"

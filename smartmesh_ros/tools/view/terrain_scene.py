@@ -111,7 +111,7 @@ class TerrainScene:
             of_tile[patch.tile].append(patch)
         meshes, decks = {}, ground.terrain().decks
         self._show_frames(ground, decks.keys())
-        for name, tile in ground.tiles.items():
+        for name, tile in ground.shown.items():
             # One part of a path, because viser removes what is below a path with it.
             deck, path = ground.deck_of(name), f"/terrain/tile_{quote(name, safe='')}"
             root = f"/decks/{deck}" if deck else ""
