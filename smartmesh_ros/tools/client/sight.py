@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
+from geometry_msgs.msg import PoseArray
 from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
@@ -25,6 +26,7 @@ KINDS = {
     "body_descriptions": BodyDescriptionArray,
     "body_states": TrackedBodyArray,
     "tracked_bodies": TrackedBodyArray,
+    "body_poses": PoseArray,
     "joint_states": JointState,
     "odometry": Odometry,
     "contacts": ContactArray,
@@ -99,12 +101,19 @@ class Sight:
             rows = [(*_xyz(c.position), *_xyz(c.normal), c.normal_force) for c in message.contacts]
             self.contacts = np.array(rows).reshape(-1, 7)
         elif topic == "body_states" or message.header.frame_id.strip("/") in ("", self.frame):
-            self.poses.update((body.id, _pose(body.pose)) for body in message.bodies)
+            self.poses.update(_poses_of(message))
         if topic == "body_states":
             self.frame = message.header.frame_id
             # Only the velocities of sleeping bodies are exactly zero.
             moving = (body.id for body in message.bodies if any(_xyz(body.twist.linear) + _xyz(body.twist.angular)))
             self.asleep = frozenset(body.id for body in message.bodies) - frozenset(moving)
+
+
+def _poses_of(message: Any) -> dict[str, Pose]:
+    """Return the poses of bodies by name; a PoseArray numbers its bodies."""
+    if isinstance(message, PoseArray):
+        return {f"body_{number}": _pose(pose) for number, pose in enumerate(message.poses)}
+    return {body.id: _pose(body.pose) for body in message.bodies}
 
 
 def _xyz(message: Any) -> Vector:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import PoseArray
 from hypothesis import given
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
@@ -179,7 +180,11 @@ def test_tracked_bodies_of_another_frame_are_not_drawn_where_they_are_not() -> N
     for topic, frame in (("body_states", "map"), ("tracked_bodies", "odom"), ("tracked_bodies", "/map")):
         body = TrackedBody(id=f"{topic} in {frame}")
         sight.take(topic, serialize_message(TrackedBodyArray(header=Header(frame_id=frame), bodies=[body])))
-    assert sight.poses.keys() == {"body_states in map", "tracked_bodies in /map"}
+    for frame, number in (("map", 2), ("odom", 3)):
+        poses = [pose_message((1.0, 2.0, 3.0))] * number
+        sight.take("body_poses", serialize_message(PoseArray(header=Header(frame_id=frame), poses=poses)))
+    assert sight.poses.keys() == {"body_states in map", "tracked_bodies in /map", "body_0", "body_1"}
+    assert sight.poses["body_1"].position == (1.0, 2.0, 3.0)
 
 
 def test_the_tiles_of_a_deck_are_drawn_and_clicked_where_its_odometry_says(server: Any) -> None:
