@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -76,6 +77,15 @@ def test_the_messages_end_with_the_command(checkout: Path) -> None:
     script = checkout / "scripts" / "workspace"
     script.write_text(script.read_text().replace("period=0.2", "period=1000"))
     assert "so far" not in prepare(checkout, "dev")
+
+
+def test_of_two_at_once_one_waits_and_finds_all_done(checkout: Path) -> None:
+    """As in two terminals, in which somebody types the same command."""
+    with ThreadPoolExecutor() as pool:
+        said = list(pool.map(lambda _: prepare(checkout, SLOW="1"), range(2)))
+    assert sum("waiting for another scripts/workspace" in one for one in said) == 1
+    assert sum("building the workspace" in one for one in said) == 1
+    assert (checkout / "installed").read_text().count("requirements/run.txt") == 1
 
 
 def test_a_pybullet_that_is_there_stays(checkout: Path) -> None:
