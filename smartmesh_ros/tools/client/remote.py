@@ -121,7 +121,8 @@ class Remote:
             self._executor.spin_once(timeout_sec=left)
 
     def watch(self, topics: set[str]) -> None:
-        """Subscribe to these of `OUTPUTS` and to no others, because the node builds only outputs with subscribers."""
+        """Subscribe to these of `OUTPUTS` and to no others, because the node builds only outputs with subscribers; to
+        ``scene`` while no map has come."""
         if topics != self._watched:
             self._watched, self._check_due = topics, 0.0
 
@@ -186,7 +187,8 @@ class Remote:
         latched message arrives after its publication; unsubscribe from all others."""
         now = monotonic()
         self._check_due = now + CHECK_PERIOD
-        wanted = MAPS.keys() - ({"heightmap"} if now < self._no_maps_until else set()) | self._watched
+        wanted = MAPS.keys() - ({"heightmap"} if now < self._no_maps_until else set())
+        wanted |= self._watched - ({"scene"} if self.ground.tiles else set())
         counts = {topic: self.node.count_publishers(f"{self.name}/{topic}") for topic in wanted}
         for topic, (subscription, count) in list(self._subscriptions.items()):
             if counts.get(topic) != count:

@@ -49,7 +49,6 @@ class Page:
             remote.sight.poses.clear()  # a page that opens later waits for new poses
             return
         hidden = set() if self.scene.show_contacts else {"contacts"}
-        hidden |= {"scene"} if remote.ground.tiles else set()
         remote.watch(OUTPUTS.keys() - hidden)
         remote.apply_waiting()
         self.scene.show(remote.ground, remote.sight)

@@ -53,4 +53,5 @@ def test_the_ground_of_a_file_is_shown_and_clicked_until_a_map_comes(probe: Prob
         probe.wait_for(lambda: probe.connected() and shown(), watch=process)
         probe.publish_map(np.full((101, 101), 3.0))
         probe.wait_for(lambda: shown() and (remote.ground.heights(points) == 3.0).all(), watch=process)
+        probe.wait_for(lambda: shown() and not probe.node.count_subscribers(probe.topic("scene")), watch=process)
     rclpy.try_shutdown()
