@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from smartmesh_ros import BodyState, JointCommand, World
+from smartmesh_ros.world.bodies import Body
 from tests import urdfs
 from tests.urdfs import Edges, box, joint, link
 
@@ -113,3 +115,14 @@ MODELS: dict[str, Quadruped | Humanoid] = {
 def robot(name: str) -> Robot:
     """Return one of the `MODELS`."""
     return MODELS[name].build()
+
+
+def set_up(world: World, name: str, x: float, y: float, gap: float) -> Body:
+    """Spawn one of the `MODELS` with its feet in a ``gap`` above the level z = 0 [m], whose joints hold its stance."""
+    model = robot(name)
+    world.spawn_robot(name, model.urdf, BodyState((x, y, model.height + gap)))
+    body = world.bodies[name]
+    for motor_name, position in model.stance.items():
+        world.client.resetJointState(body.uid, body.joints[motor_name], position)
+        world.command(name, motor_name, JointCommand(position=position))
+    return body

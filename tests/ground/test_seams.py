@@ -9,7 +9,6 @@ from smartmesh_ros import BodyState, Box, Cylinder, Sphere, Terrain
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-from smartmesh_ros.world.joints import JointCommand
 from tests import legged
 from tests.bodies import LYING, UPRIGHT, Turn, about_z
 from tests.core import mesh_parts
@@ -115,13 +114,8 @@ def test_a_wall_on_the_floor_stops_what_comes_to_its_foot(floor: Piece, low: flo
 @pytest.mark.parametrize("parts", [(a_map, a_mesh), (a_mesh, a_deck), (a_deck, a_map)])
 def test_a_humanoid_whose_feet_are_on_a_seam_stands_still(parts: tuple[Piece, Piece]) -> None:
     """The corners of its feet bear it. If crossings of their edges with the rims were chosen in turn, it would rock."""
-    model = legged.robot("g1")
     with world_of(pieces(LEVEL, *parts), friction=0.8, sleep=False) as world:
-        world.spawn_robot("g1", model.urdf, BodyState((0.0, 0.01, model.height + 3e-3)))
-        robot = world.bodies["g1"]
-        for name, position in model.stance.items():
-            world.client.resetJointState(robot.uid, robot.joints[name], position)
-            world.command("g1", name, JointCommand(position=position))
+        legged.set_up(world, "g1", 0.0, 0.01, 3e-3)
         world.step(720)
         for _ in range(240):
             world.step()

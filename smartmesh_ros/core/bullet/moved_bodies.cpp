@@ -88,19 +88,23 @@ std::vector<bool> find_touching(const Instant& now, Attached& attached) {
 }
 
 // Returns the ground above the middles of all parts of a body, NaN if there is none. What has a part above the ground
-// is not below it: it may stand astride. In ground that gives a part is above it as long as any point of the body is.
+// is not below it: it may stand astride. In ground that gives a part is above it as long as any point of the body is;
+// soil is as deep as it was pressed there.
 GroundPoint ground_above_all_parts(const Instant& now, const Slot& it, GroundReader& reader) {
+  const GroundPoint none{std::numeric_limits<double>::quiet_NaN(), {}};
   const Pose pose = from_bullet(it.object->getWorldTransform());
   GroundPoint highest{-std::numeric_limits<double>::infinity(), {}};
   for (const ShapePart& part : it.body_shape->parts) {
-    const GroundPoint ground = ground_above(reader, pose.to_world(part.inside), it.body);
-    if (std::isnan(ground.height)) return ground;
+    const Vec3 inside = pose.to_world(part.inside);
+    GroundPoint ground = ground_above(reader, inside, it.body);
+    if (now.soil != nullptr) ground.height -= now.soil->below_map(inside, now.time);
+    if (!(inside.z < ground.height)) return none;
     if (ground.height > highest.height) highest = ground;
   }
   const BodyPose at = body_pose(it.object->getWorldTransform());
   if (now.terrain->has_material() && -it.body_shape->lowest(at, {0.0, 0.0, -1.0}) > highest.height &&
       now.terrain->material(at.at.x, at.at.y, now.time).gives())
-    return {std::numeric_limits<double>::quiet_NaN(), {}};
+    return none;
   return highest;
 }
 

@@ -67,6 +67,13 @@ bool SoilInStep::is_under(const Vec3& point, double time) const {
   return at.row >= 0.0 && at.column >= 0.0 && at.row <= map.rows - 1 && at.column <= map.columns - 1;
 }
 
+double SoilInStep::below_map(const Vec3& point, double time) const {
+  const GridPoint at = to_grid(lattice.map().pose_at(time), lattice.spacing(), point.x, point.y);
+  const double row = std::round(at.row), column = std::round(at.column);
+  const bool has = row >= 0.0 && column >= 0.0 && row < lattice.rows() && column < lattice.columns();
+  return has ? lattice.below_map(static_cast<int>(row), static_cast<int>(column), step_ - 1) : 0.0;
+}
+
 // Ground whose samples rise unequally tilts: that is a rotation of its normal, not of its samples.
 SoilMotion SoilInStep::motion_around(const Vec3& point, double radius, double time, double ahead) const {
   SoilMotion found;

@@ -131,6 +131,13 @@ const FineSample* SoilLattice::find(int row, int column) const {
   return sample != nullptr && sample->step != 0 ? sample : nullptr;
 }
 
+double SoilLattice::below_map(int row, int column, std::int32_t last) const {
+  const FineSample* sample = find(row, column);
+  if (sample == nullptr) return 0.0;
+  const double elastic = sample->step >= last ? sample->pressure / soil(kind(row, column)).elastic : 0.0;
+  return level_at(row, column) - (sample->level - sample->yield.plastic - elastic);
+}
+
 SoilLattice::Around SoilLattice::around(int node_row, int node_column) const {
   const int half = refine_ / 2, row = node_row * refine_, column = node_column * refine_;
   return {std::max(0, row - half), std::max(0, column - half), std::min(row + half, rows() - 1),

@@ -68,6 +68,9 @@ class SoilLattice {
   void renew(int top, int left, int bottom, int right, std::int32_t last);
   // Returns the highest of the map's samples around these, without the map's z [m]; -1e300 = holes alone.
   double highest(int top, int left, int bottom, int right) const;
+  // Returns how far a fine sample is pressed below the map, which shows the means around its samples, and later [m].
+  // `last`: as in `renew`, of loads that still press it.
+  double below_map(int row, int column, std::int32_t last) const;
   // Returns a fine sample; `renew` it before.
   FineSample& at(int row, int column);
   // Notes that a body pressed a sample.
