@@ -22,7 +22,6 @@ from typing import Any
 
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import Point, Pose, Quaternion
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
@@ -40,6 +39,7 @@ from smartmesh_ros.tools.client.parameters import parameter_from
 from smartmesh_ros.tools.client.remote import BEST, Remote, colliders
 from smartmesh_ros.tools.client.robot_text import text_of
 from smartmesh_ros.tools.client.sight import KINDS
+from smartmesh_ros.tools.messages import pose_message
 from smartmesh_ros.tools.replay.bag import class_of
 
 SHAPES = {
@@ -97,9 +97,7 @@ def spawn(caller: Caller, options: argparse.Namespace) -> str:
         fields["urdf"] = text_of(options.urdf)
     elif chosen:
         fields["shape"] = SolidPrimitive(type=SHAPES[chosen[0]][0], dimensions=getattr(options, chosen[0]))
-    x, y = options.at
-    turn = Quaternion(z=math.sin(0.5 * options.yaw), w=math.cos(0.5 * options.yaw))
-    fields["pose"] = Pose(position=Point(x=x, y=y, z=options.z or 0.0), orientation=turn)
+    fields["pose"] = pose_message((*options.at, options.z or 0.0), options.yaw)
     return caller.call("spawn_body", **fields) or f"{options.name} is there"
 
 
@@ -257,7 +255,7 @@ def parser() -> argparse.ArgumentParser:
     spawns.add_argument("--z", type=float, help="height of the centre of mass [m]; default: on the ground")
     spawns.add_argument("--clearance", type=float, default=0.0, help="of the lowest point above the ground [m]")
     spawns.add_argument("--align", action="store_true", help="tilt it with the ground")
-    spawns.add_argument("--yaw", type=float, default=0.0, help="turn about z [rad]")
+    spawns.add_argument("--yaw", type=number(float, -1000.0, 1000.0), default=0.0, help="turn about z [rad]")
     command("remove", "remove bodies", remove).add_argument("names", nargs="+", metavar="NAME")
     echoes = command("echo", "print a topic of the node, such as body_states", echo)
     echoes.add_argument("topic")

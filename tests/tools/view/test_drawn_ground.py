@@ -313,7 +313,7 @@ def test_a_page_is_refreshed_by_the_thread_that_sends_it(server: Any, monkeypatc
     assert loops == [server.get_event_loop()]
 
 
-@pytest.mark.parametrize("host", ["203.0.113.1", "nowhere.invalid"])
+@pytest.mark.parametrize("host", ["203.0.113.1", "nowhere.invalid", "a..b"])
 def test_a_host_that_is_not_this_machine_is_refused(host: str) -> None:
     """viser would wait forever."""
     with pytest.raises(InputError, match=f"cannot listen on '{host}': .* name an address of this machine"):
