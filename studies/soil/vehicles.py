@@ -13,6 +13,7 @@ from pybullet_utils.bullet_client import BulletClient
 from smartmesh_ros import BodyState, Ground, HeightMap, PhysicsConfig, Soil, SoilType, World, WorldConfig
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
+from studies.robots.urdf import joint_of, link_of
 from studies.soil.trials import Wheel, WheelForces
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
@@ -51,23 +52,6 @@ class Cart:
 
 # About a Clearpath Warthog.
 WARTHOG = Cart(radius=0.3, width=0.22, mass=268.0, wheel_mass=20.0, base=0.9, track=1.1)
-
-
-def link_of(name: str, mass: float, inertia: tuple[float, float, float], collision: str = "") -> str:
-    """Return a link of a robot description, with a ``mass`` [kg] and moments of ``inertia`` [kg m^2]."""
-    x, y, z = inertia
-    return (
-        f'<link name="{name}"><inertial><mass value="{mass}"/><inertia ixx="{x}" iyy="{y}" izz="{z}" ixy="0" ixz="0" '
-        f'iyz="0"/></inertial>{collision}</link>'
-    )
-
-
-def joint_of(name: str, parent: str, child: str, axis: str, more: str = "", kind: str = "continuous") -> str:
-    """Return a joint of a robot description, with ``more`` elements."""
-    return (
-        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/><axis xyz="{axis}"/>'
-        f"{more}</joint>"
-    )
 
 
 def _wheel_link(name: str, mass: float, radius: float, width: float) -> str:
