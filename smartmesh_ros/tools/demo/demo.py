@@ -51,7 +51,11 @@ SHAPES = (
     SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.6, 0.4, 0.3]),
     SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.4, 0.25]),
 )
-BODIES = 24
+# Where two dozen bodies start, in a ring for each shape [m].
+PLACES = [
+    (reach * math.cos(angle), reach * math.sin(angle))
+    for reach, angle in zip(8 * (5.0, 7.0, 9.0), 2.0 * math.pi * np.arange(24) / 24, strict=True)
+]
 # What the demo must receive.
 RECEIVED = (*WATCHED, "timing", "body_descriptions", "diagnostics")
 START_TIMEOUT = 60.0  # [s]
@@ -86,13 +90,10 @@ class Demo:
         )  # fmt: skip
 
     def spawn_all(self) -> None:
-        """Spawn two dozen bodies of three shapes in rings, and a wheeled robot."""
+        """Spawn bodies of three shapes, and a wheeled robot."""
         # Bodies spawned before the node has a map would fall, and be below the ground when the map arrives.
         self.caller.wait_for(lambda: self.remote.tasks and int(self._value("terrain", "tiles")), "map in the node")
-        for index in range(BODIES):
-            angle = 2.0 * math.pi * index / BODIES
-            reach = 5.0 + 2.0 * (index % 3)
-            x, y = reach * math.cos(angle), reach * math.sin(angle)
+        for index, (x, y) in enumerate(PLACES):
             self._spawn(f"{['ball', 'box', 'can'][index % 3]}_{index}", x, y, 0.4, shape=SHAPES[index % 3])
         self._spawn(ROBOT, -4.0, 0.0, 0.02, urdf=str(robot_file()), align=True)
 
