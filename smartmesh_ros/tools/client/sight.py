@@ -89,6 +89,9 @@ class Sight:
         """Update with a message of a topic of `KINDS`."""
         message = deserialize_message(data, KINDS[topic])
         if topic == "body_descriptions":
+            gone = self.appearances.keys() - {body.id for body in message.bodies}
+            for frame in [frame for frame in self.bases if frame.partition("/")[0] in gone]:
+                del self.bases[frame]  # a robot that comes again may have the short names of its URDF
             self.appearances = {body.id: body for body in message.bodies}
             self.poses = {name: pose for name, pose in self.poses.items() if name in self.appearances}
         elif topic == "joint_states":

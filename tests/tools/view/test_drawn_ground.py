@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
-from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate, TrackedBody, TrackedBodyArray
+from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, HeightmapUpdate, TrackedBody, TrackedBodyArray
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
@@ -297,6 +297,19 @@ def test_each_of_two_robots_is_where_its_own_frame_is(server: Any) -> None:
         assert np.allclose(label.position[:2], place) and label.position[2] > 1.2, "above it"
     scene.show(Ground(), Sight())
     assert "/labels/one" not in labels
+
+
+def test_a_robot_that_comes_again_under_its_short_names_is_not_where_it_was(server: Any) -> None:
+    """Its frames had a prefix while another robot had the short names."""
+    sight = Sight()
+    for names, frame, x in ((("one", "two"), "two/b", 1.0), (("one",), "b", 2.0), (("two",), "b", 5.0)):
+        bodies = [BodyDescription(id=name, shape=BodyDescription.ROBOT, urdf=URDF) for name in names]
+        sight.take("body_descriptions", serialize_message(BodyDescriptionArray(bodies=bodies)))
+        place = Odometry(child_frame_id=frame)
+        place.pose.pose = pose_message((x, 0.0, 1.0))
+        sight.take("odometry", serialize_message(place))
+    Scene(server).show(Ground(), sight)
+    assert server.scene._handle_from_node_name["/labels/two"].position[0] == pytest.approx(5.0)
 
 
 def test_a_page_is_refreshed_by_the_thread_that_sends_it(server: Any, monkeypatch: pytest.MonkeyPatch) -> None:
