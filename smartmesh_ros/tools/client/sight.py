@@ -101,13 +101,17 @@ class Sight:
         elif topic == "contacts":
             rows = [(*_xyz(c.position), *_xyz(c.normal), c.normal_force) for c in message.contacts]
             self.contacts = np.array(rows).reshape(-1, 7)
-        elif topic == "body_states" or message.header.frame_id.strip("/") in ("", self.frame):
-            self.poses.update((body.id, _pose(body.pose)) for body in message.bodies)
-        if topic == "body_states":
+        elif topic == "body_states":
             self.frame = message.header.frame_id
+            # It has all simulated bodies: others are gone, or tracked.
+            tracked = {name for name, body in self.appearances.items() if body.tracked}
+            kept = {name: pose for name, pose in self.poses.items() if name in tracked}
+            self.poses = kept | {body.id: _pose(body.pose) for body in message.bodies}
             # Only the velocities of sleeping bodies are exactly zero.
             moving = (body.id for body in message.bodies if any(_xyz(body.twist.linear) + _xyz(body.twist.angular)))
             self.asleep = frozenset(body.id for body in message.bodies) - frozenset(moving)
+        elif message.header.frame_id.strip("/") in ("", self.frame):
+            self.poses.update((body.id, _pose(body.pose)) for body in message.bodies)
 
 
 def _xyz(message: Any) -> Vector:

@@ -182,6 +182,21 @@ def test_tracked_bodies_of_another_frame_are_not_drawn_where_they_are_not() -> N
     assert sight.poses.keys() == {"body_states in map", "tracked_bodies in /map"}
 
 
+def test_a_body_that_was_removed_is_not_found_at_its_last_pose() -> None:
+    """Also if states of before its removal are read after the descriptions: the view reads the newest of each topic."""
+    sight = Sight()
+    crate = BodyDescription(id="crate", tracked=True)
+    tracked = TrackedBodyArray(bodies=[TrackedBody(id="crate")])
+    for names in (("ball", "box"), ("ball",)):
+        described = BodyDescriptionArray(bodies=[crate, *(BodyDescription(id=name) for name in names)])
+        sight.take("body_descriptions", serialize_message(described))
+        sight.take("tracked_bodies", serialize_message(tracked))
+        before = TrackedBodyArray(bodies=[TrackedBody(id=name) for name in ("ball", "box")])
+        sight.take("body_states", serialize_message(before))
+    sight.take("body_states", serialize_message(TrackedBodyArray(bodies=[TrackedBody(id="ball")])))
+    assert sight.poses.keys() == {"ball", "crate"}
+
+
 def test_the_tiles_of_a_deck_are_drawn_and_clicked_where_its_odometry_says(server: Any) -> None:
     ground, sight = ground_of(np.zeros((11, 11)), resolution=1.0), Sight()
     ground.frames = sight.bases
