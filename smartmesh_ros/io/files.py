@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,9 @@ def load(path: str | Path, config: RasterConfig | None = None, max_samples: int 
     and ESRI ASCII files contain their position, resolution, units and no-data value, and need rasterio. The size is
     checked before the values are read. Raises `InputError`.
     """
-    path, config = Path(path).expanduser(), config or RasterConfig()
+    path, config = Path(path), config or RasterConfig()
+    with suppress(RuntimeError):  # nobody of that name: there is no such file
+        path = path.expanduser()
     if path.suffix.lower() not in KINDS:
         raise InputError("file", f"{path} has an unknown file type; terrain files end in {', '.join(KINDS)}")
     if not path.is_file():
