@@ -88,7 +88,7 @@ class Scene:
             batch = self._bodies.get(shape)
             if batch is None or len(batch.batched_positions) != len(names):
                 mesh = looks.with_edges(looks.shape_mesh(kind, dimensions))
-                sizes = "_".join(f"{value:g}" for value in dimensions)
+                sizes = "_".join(map(str, dimensions))
                 batch = self._bodies[shape] = self._scene.add_batched_meshes_simple(
                     f"/bodies/{kind}_{sizes}{'_tracked' * tracked}", mesh.vertices, mesh.faces, turns,
                     positions, batched_colors=colours, flat_shading=False, lod="off",

@@ -314,6 +314,14 @@ def test_each_of_two_robots_is_where_its_own_frame_is(server: Any) -> None:
     assert "/labels/one" not in labels
 
 
+def test_bodies_of_nearly_the_same_size_are_all_drawn(server: Any) -> None:
+    sizes = {"one": 0.25, "two": 0.2500001}
+    appearances = {name: BodyDescription(shape=BodyDescription.SPHERE, dimensions=[r]) for name, r in sizes.items()}
+    poses = {name: Pose((100.0 * r, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)) for name, r in sizes.items()}
+    Scene(server).show(Ground(), Sight(poses=poses, appearances=appearances))
+    assert sum(path.startswith("/bodies/") for path in server.scene._handle_from_node_name) == 2
+
+
 def test_a_robot_that_comes_again_under_its_short_names_is_not_where_it_was(server: Any) -> None:
     """Its frames had a prefix while another robot had the short names."""
     sight = Sight()
