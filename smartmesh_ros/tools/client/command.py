@@ -24,10 +24,9 @@ import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile
-from rclpy.serialization import deserialize_message
 from rclpy.utilities import try_shutdown
 from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
+from smartmesh_msgs.msg import TrackedBody
 
 from smartmesh_ros.errors import InputError, suggestion
 from smartmesh_ros.node.parameters.helping import own_arguments
@@ -117,8 +116,7 @@ def show_bodies(caller: Caller, _: argparse.Namespace) -> str:
         """Whether the bodies of the newest messages are the same: a latched description may be an old one."""
         for topic, messages in came.items():
             sight.take(topic, messages[-1])
-        simulated = {name for name, body in sight.appearances.items() if not body.tracked}
-        return simulated == {body.id for body in deserialize_message(came["body_states"][-1], TrackedBodyArray).bodies}
+        return sight.poses.keys() == {name for name, body in sight.appearances.items() if not body.tracked}
 
     caller.wait_for(complete, "description of all bodies")
     kinds = {number: name for name, (number, _) in SHAPES.items()}

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from nav_msgs.msg import Odometry
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, ContactArray, TrackedBodyArray
 
+from smartmesh_ros.node.inputs.checked_messages import message_from
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.client.patch import Patch
 
@@ -86,8 +86,8 @@ class Sight:
         return list(self.poses)[hit[along[hit].argmin()]] if hit.size else None
 
     def take(self, topic: str, data: bytes) -> None:
-        """Update with a message of a topic of `KINDS`."""
-        message = deserialize_message(data, KINDS[topic])
+        """Update with a message of a topic of `KINDS`. Raises `InputError` if it is malformed."""
+        message = message_from(data, KINDS[topic])
         if topic == "body_descriptions":
             gone = self.appearances.keys() - {body.id for body in message.bodies}
             for frame in [frame for frame in self.bases if frame.partition("/")[0] in gone]:

@@ -5,6 +5,7 @@ import io
 import math
 import subprocess
 import sys
+from collections import Counter, deque
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,8 @@ pytest.importorskip("viser", reason="viser is not installed; scripts/workspace r
 import trimesh
 
 from smartmesh_ros.tools.client.ground import Ground
-from smartmesh_ros.tools.client.sight import Pose, Sight
+from smartmesh_ros.tools.client.remote import Remote
+from smartmesh_ros.tools.client.sight import KINDS, Pose, Sight
 from smartmesh_ros.tools.view.main import main
 from smartmesh_ros.tools.view.page import Page, start_server, stop_server, url_of
 from smartmesh_ros.tools.view.robots import GAP, Robot
@@ -172,6 +174,17 @@ def test_no_ground_is_drawn_over_a_patch_that_has_moved_since_the_map(server: An
         for k in range(49):
             assert found[(columns[k], rows[k])] == pytest.approx(vertices[k, 2], abs=1e-5)
         assert found[(16, 20)] == pytest.approx(tile.heights[20, 16], abs=1e-5)
+
+
+def test_malformed_messages_are_skipped() -> None:
+    """Anybody may publish on the topics of the node's inputs, and the node refuses what is malformed."""
+    remote = Remote.__new__(Remote)
+    remote.ground, remote.sight, remote.counts, remote._new = Ground(), Sight(), Counter(), {}
+    for topic in KINDS:
+        remote._new[topic] = deque([serialize_message(TrackedBodyArray(bodies=[TrackedBody(id="a")]))[:-4], b""])
+    remote._take("collider_patches", b"")
+    remote.apply_waiting()
+    assert not remote.sight.poses and not remote.sight.patches
 
 
 def test_tracked_bodies_of_another_frame_are_not_drawn_where_they_are_not() -> None:
