@@ -19,7 +19,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.distance import Surface
 from smartmesh_ros.world.robots.description import is_text
 from studies.engines.engine import GroundSetup, Simulation
-from studies.robots.urdf import rover
+from studies.robots.urdf import link_of, rover
 
 DATA = Path(pybullet_data.getDataPath())
 
@@ -133,10 +133,6 @@ class RobotEngine(Simulation):
 
 # Mass of links whose description gives none [kg], balls of 0.1 m. Loaders differ: PyBullet takes 1 kg, others nothing.
 MASSLESS = 0.01
-_INERTIAL = (
-    f'<inertial><mass value="{MASSLESS:g}"/><inertia ixx="4e-05" iyy="4e-05" izz="4e-05" ixy="0" ixz="0" iyz="0"/>'
-    "</inertial>"
-)
 # What a file of husky has kept of its macros: the value of an environment variable, or what stands behind its name.
 _OPTIONAL = re.compile(r"\$\(optenv \w+ ([^)]*)\)")
 
@@ -155,7 +151,7 @@ def prepared(urdf: str) -> str:
             for part in link.findall(tag):
                 link.remove(part)
         if link.find("inertial") is None:
-            link.append(ET.fromstring(_INERTIAL))
+            link.append(ET.fromstring(link_of("massless", MASSLESS, (4e-5, 4e-5, 4e-5)))[0])
     for part in root.iter():
         for name, value in part.attrib.items():
             part.set(name, _OPTIONAL.sub(r"\1", value))

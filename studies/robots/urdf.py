@@ -1,7 +1,18 @@
-"""Robot descriptions as text: their parts, and a rover."""
+"""Robot descriptions as text: their parts, and a rover; and as files, for loaders that read no text."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from tempfile import NamedTemporaryFile
+
+
+@contextmanager
+def as_file(text: str) -> Iterator[str]:
+    """Yield the path of a file with a description, which is there for the length of the block."""
+    with NamedTemporaryFile("w", suffix=".urdf") as file:
+        file.write(text)
+        file.flush()
+        yield file.name
 
 
 def link_of(name: str, mass: float, inertia: tuple[float, float, float], collision: str = "") -> str:

@@ -1,9 +1,7 @@
 """Boxes and carts on `Soil` in PyBullet, and a wheel whose slip is forced, as in a single-wheel test bed."""
 
 import math
-import tempfile
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +11,7 @@ from pybullet_utils.bullet_client import BulletClient
 from smartmesh_ros import BodyState, Ground, HeightMap, PhysicsConfig, Soil, SoilType, World, WorldConfig
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
-from studies.robots.urdf import joint_of, link_of
+from studies.robots.urdf import as_file, joint_of, link_of
 from studies.soil.trials import Wheel, WheelForces
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
@@ -171,12 +169,10 @@ def roll(
     grid, way = 0.01, 0.2
     shape = (round((wheel.width + 0.12) / grid) + 1, round((way + 0.4 + 4.0 * wheel.radius) / grid) + 1)
     ground = Ground(client, HeightMap(np.zeros(shape), resolution=grid))
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "rig.urdf"
-        file.write_text(_rig_urdf(wheel))
+    with as_file(_rig_urdf(wheel)) as path:
         place = (0.1 + 2.0 * wheel.radius, 0.5 * grid * (shape[0] - 1), wheel.radius)
         flags = pb.URDF_USE_INERTIA_FROM_FILE | (pb.URDF_USE_IMPLICIT_CYLINDER if implicit else 0)
-        rig = client.loadURDF(str(file), place, useFixedBase=True, flags=flags)
+        rig = client.loadURDF(path, place, useFixedBase=True, flags=flags)
     slide, lift, axle = range(3)
     for joint in (slide, lift, axle):
         client.setJointMotorControl2(rig, joint, pb.VELOCITY_CONTROL, force=0.0)
