@@ -59,7 +59,7 @@ class Page:
 
 def url_of(host: str, port: int) -> str:
     """Return the address by which a browser on this machine finds a page."""
-    shown = "localhost" if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
+    shown = "localhost" if host in ("", "0.0.0.0", "::") else f"[{host}]" if ":" in host else host
     return f"http://{shown}:{port}"
 
 

@@ -370,7 +370,7 @@ def test_a_host_that_is_not_this_machine_is_refused(host: str) -> None:
 
 
 def test_addresses_are_those_of_a_browser() -> None:
-    assert url_of("0.0.0.0", 8080) == url_of("::", 8080) == "http://localhost:8080"
+    assert url_of("0.0.0.0", 8080) == url_of("::", 8080) == url_of("", 8080) == "http://localhost:8080"
     assert url_of("::1", 8080) == "http://[::1]:8080"
 
 
