@@ -121,7 +121,7 @@ def show_bodies(caller: Caller, _: argparse.Namespace) -> str:
     caller.wait_for(complete, "description of all bodies")
     kinds = {number: name for name, (number, _) in SHAPES.items()}
     for name, body in sight.appearances.items():
-        kind = "robot" if body.urdf else kinds.get(body.shape, "body")
+        kind = kinds.get(body.shape, "robot")
         size = " x ".join(f"{value:g}" for value in body.dimensions)
         if body.tracked:  # ~/body_states has simulated bodies alone
             how = "tracked, where the topic with its poses says"

@@ -68,7 +68,7 @@ class Sight:
     def radius_of(self, name: str) -> float:
         """Return the radius [m] of a body's bounding sphere around its centre."""
         known = self.appearances.get(name)
-        if known is None or known.urdf or not known.dimensions:
+        if known is None or not known.dimensions:
             return DEFAULT_RADIUS if known is None else ROBOT_RADIUS
         sizes = known.dimensions
         if known.shape == BodyDescription.BOX:

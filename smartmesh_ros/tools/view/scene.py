@@ -77,7 +77,8 @@ class Scene:
         for name, known in sight.appearances.items():
             if name not in sight.poses or (name in self._robots and self._robots[name].readable):
                 continue
-            groups[UNKNOWN if known.urdf else (known.shape, tuple(known.dimensions), known.tracked)].append(name)
+            shape = (known.shape, tuple(known.dimensions), known.tracked)
+            groups[shape if known.dimensions else UNKNOWN].append(name)
         for shape in self._bodies.keys() - groups.keys():
             self._bodies.pop(shape).remove()
         for shape, names in groups.items():

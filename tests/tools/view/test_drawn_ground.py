@@ -327,6 +327,15 @@ def test_each_of_two_robots_is_where_its_own_frame_is(server: Any) -> None:
     assert "/labels/one" not in labels
 
 
+def test_a_robot_whose_file_was_deleted_is_a_ball(server: Any) -> None:
+    """The node describes it anew, then without its text, when another body comes."""
+    pose = Pose((1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0))
+    sight = Sight(poses={"r": pose}, appearances={"r": BodyDescription(shape=BodyDescription.ROBOT, urdf_file="/gone")})
+    Scene(server).show(Ground(), sight)
+    [ball] = [handle for path, handle in server.scene._handle_from_node_name.items() if path.startswith("/bodies/")]
+    assert ball.batched_positions.tolist() == [[1.0, 2.0, 3.0]]
+
+
 def test_bodies_of_nearly_the_same_size_are_all_drawn(server: Any) -> None:
     sizes = {"one": 0.25, "two": 0.2500001}
     appearances = {name: BodyDescription(shape=BodyDescription.SPHERE, dimensions=[r]) for name, r in sizes.items()}
