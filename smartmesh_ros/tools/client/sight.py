@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
-from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, ContactArray, TrackedBodyArray
+from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, ContactArray, TrackedBody, TrackedBodyArray
 
+from smartmesh_ros.ground.quaternions import rotated
 from smartmesh_ros.node.inputs.checked_messages import message_from
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.client.patch import Patch
@@ -41,12 +43,14 @@ class Pose(NamedTuple):
 @dataclass
 class Sight:
     """The newest state of everything but the terrain, in the terrain's ``frame``. ``poses``, ``appearances`` and
-    ``patches`` by body; ``asleep``: simulated bodies without any velocity; ``bases``: poses of robots' base links and
-    of decks, by frame as in ~/odometry; ``joints``: positions [rad, m] by name as in ~/joint_states; ``contacts``
-    (n, 7): position [m], normal and force [N] of each."""
+    ``patches`` by body; ``centres``: middle of a body that is a box, in its axes [m]; ``asleep``: simulated bodies
+    without any velocity; ``bases``: poses of robots' base links and of decks, by frame as in ~/odometry; ``joints``:
+    positions [rad, m] by name as in ~/joint_states; ``contacts`` (n, 7): position [m], normal and force [N] of
+    each."""
 
     frame: str = ""
     poses: dict[str, Pose] = field(default_factory=dict)
+    centres: dict[str, Vector] = field(default_factory=dict)
     appearances: dict[str, BodyDescription] = field(default_factory=dict)
     asleep: frozenset[str] = frozenset()
     bases: dict[str, Pose] = field(default_factory=dict)
@@ -77,6 +81,12 @@ class Sight:
             return math.hypot(0.5 * sizes[0], sizes[1])
         return float(0.5 * sizes[0] + sizes[1] if known.shape == BodyDescription.CAPSULE else sizes[0])
 
+    def middles_of_boxes(self, names: Sequence[str]) -> FloatArray:
+        """Return the middles (n, 3) [m] of boxes, which may be beside their centres of mass."""
+        positions, turns = (np.array(values) for values in zip(*(self.poses[name] for name in names), strict=True))
+        offsets = np.array([self.centres.get(name, (0.0, 0.0, 0.0)) for name in names])
+        return np.asarray(positions + rotated(np.roll(turns, -1, axis=1), offsets))
+
     def hit(self, origin: FloatArray, direction: FloatArray) -> str | None:
         """Return the nearest body whose bounding sphere a ray (unit ``direction``) hits, or None."""
         positions, radii = self.bodies
@@ -105,13 +115,17 @@ class Sight:
             self.frame = message.header.frame_id
             # It has all simulated bodies: others are gone, or tracked.
             tracked = {name for name, body in self.appearances.items() if body.tracked}
-            kept = {name: pose for name, pose in self.poses.items() if name in tracked}
-            self.poses = kept | {body.id: _pose(body.pose) for body in message.bodies}
+            self.poses = {name: pose for name, pose in self.poses.items() if name in tracked}
+            self._place(message.bodies)
             # Only the velocities of sleeping bodies are exactly zero.
             moving = (body.id for body in message.bodies if any(_xyz(body.twist.linear) + _xyz(body.twist.angular)))
             self.asleep = frozenset(body.id for body in message.bodies) - frozenset(moving)
         elif message.header.frame_id.strip("/") in ("", self.frame):
-            self.poses.update((body.id, _pose(body.pose)) for body in message.bodies)
+            self._place(message.bodies)
+
+    def _place(self, bodies: Iterable[TrackedBody]) -> None:
+        for body in bodies:
+            self.poses[body.id], self.centres[body.id] = _pose(body.pose), tuple(body.centre.tolist())
 
 
 def _xyz(message: Any) -> Vector:

@@ -85,6 +85,8 @@ class Scene:
             poses = [sight.poses[name] for name in names]
             positions, turns = (np.array(values, np.float32) for values in zip(*poses, strict=True))
             kind, dimensions, tracked = shape
+            if kind == BodyDescription.BOX:
+                positions = sight.middles_of_boxes(names).astype(np.float32)
             colours = looks.body_colours(kind, tracked, [name in sight.asleep for name in names])
             batch = self._bodies.get(shape)
             if batch is None or len(batch.batched_positions) != len(names):

@@ -327,6 +327,19 @@ def test_each_of_two_robots_is_where_its_own_frame_is(server: Any) -> None:
     assert "/labels/one" not in labels
 
 
+def test_a_box_is_drawn_where_its_centre_is(server: Any) -> None:
+    """Beside the centre of mass, and turned with the body."""
+    sight, size = Sight(), [0.4, 0.2, 0.2]
+    described = BodyDescription(id="hand", tracked=True, shape=BodyDescription.BOX, dimensions=size)
+    sight.take("body_descriptions", serialize_message(BodyDescriptionArray(bodies=[described])))
+    pose = pose_message((1.0, 2.0, 3.0), yaw=0.5 * math.pi)
+    body = TrackedBody(id="hand", pose=pose, shape=TrackedBody.SHAPE_BOX, dimensions=size, centre=[0.25, 0.0, 0.5])
+    sight.take("tracked_bodies", serialize_message(TrackedBodyArray(bodies=[body])))
+    Scene(server).show(Ground(), sight)
+    [box] = [handle for path, handle in server.scene._handle_from_node_name.items() if path.startswith("/bodies/")]
+    np.testing.assert_allclose(box.batched_positions, [[1.0, 2.25, 3.5]], atol=1e-6)
+
+
 def test_a_robot_whose_file_was_deleted_is_a_ball(server: Any) -> None:
     """The node describes it anew, then without its text, when another body comes."""
     pose = Pose((1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0))
