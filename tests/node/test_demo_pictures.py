@@ -71,7 +71,7 @@ def test_the_demo_fails_when_one_of_its_nodes_ends(monkeypatch: pytest.MonkeyPat
     """Bodies that nobody simulates are not lost either."""
     ended = subprocess.Popen(["false"])
     ended.wait()
-    monkeypatch.setattr(demo, "_node_process", lambda *_: nullcontext(ended))
+    monkeypatch.setattr(demo, "processes", lambda commands: nullcontext(dict.fromkeys(commands, ended)))
     monkeypatch.setattr(demo.Demo, "spawn_all", lambda _: None)
     remote: Any = SimpleNamespace(name="/n", node=SimpleNamespace(create_publisher=lambda *_: None))
     with demo.demo_running(remote) as made, pytest.raises(InputError, match="terrain_source has ended, with 1"):
