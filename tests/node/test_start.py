@@ -121,7 +121,6 @@ def test_parameters_that_have_no_effect_are_warned_about(
     [
         ("-p physics.gravity:=[0.0, down, -9.81]", "of the same type"),
         ("-p physics.gravity:=[0, 0, -9.81]", "[0.0, 0.0, -9.81]"),
-        ("-p physics.gravity:={x: 1}", "name:=value"),
         ("-p physics.rate:=[240.0", "name:=value"),
         ("-p physics.rate", "name:=value"),
         ("--params-file /no/such/file.yaml", "/no/such/file.yaml"),

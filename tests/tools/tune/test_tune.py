@@ -154,12 +154,10 @@ def test_a_signal_ends_the_search_and_its_processes(tmp_path: Path) -> None:
     [
         (["flat", "--budget", "0"], "--budget is 0; it must be a number greater than zero"),
         (["flat", "--jobs", "0"], "--jobs is 0"),
-        (["flat", "-p", "physics.rats:=0.1"], "did you mean 'physics.rate'?"),
         (["flat", "--preset", "swift"], "there is no preset 'swift'; choose accurate"),
         (["flat", "--out", "/proc/nowhere"], "nothing can be written in /proc/nowhere"),
         (["nowhere"], "no bag and no scene 'nowhere'; the scenes are crater"),
         (["bag"], "no simulated body stayed over the ground"),
-        (["bag", "-r", f"{MAP}:=/maps"], "nothing here is for /terrain_collider"),
         (["bag", "--seconds", "0.05"], "0.05 s of messages for the node; record at least 0.1 s"),
     ],
 )
