@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from smartmesh_ros.startup.dds import in_use, isolated, isolated_unless_chosen
-from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, bags, heightmap_message
 from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
 from smartmesh_ros.tools.testing.process import start_command
 from tests import preloaded
@@ -132,6 +132,12 @@ def test_a_probe_listens_in_a_namespace_to_its_own_node(shared: Probe) -> None:
         assert all(node == "/" + name.partition(":")[0] for name, node in kept.items())
         show_map(shared, np.zeros((50, 50)))
         assert other.diagnostics("terrain")["message"] == "no map yet"
+
+
+def test_a_topic_of_a_bag_that_nobody_subscribes_to_is_named(probe: Probe, tmp_path: Path) -> None:
+    bags.write(tmp_path / "bag", [("/maps", 0.0, heightmap_message([[0.0] * 3] * 3))])
+    with pytest.raises(AssertionError, match=r"nobody subscribes to /maps after 0.5 s; remap renames topics"):
+        bags.play(tmp_path / "bag", probe.node, probe.spin, timeout=0.5)
 
 
 def test_a_domain_that_somebody_is_in_is_left_alone() -> None:
