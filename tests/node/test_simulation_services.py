@@ -83,7 +83,7 @@ def test_entities_come_move_and_go(started: Probe) -> None:
     truck = {"uri": f"file://{ROVER}", "name": "truck", "initial_pose": placed(1.0, 2.0, 3.0, "map")}
     assert done(started, "spawn_entity", **truck).entity_name == "truck"
     assert pose_of(started, "truck") == pytest.approx((1.0, 2.0, 3.0), abs=1e-6), "its base's frame"
-    text = ROVER.read_text()
+    text = "\ufeff" + ROVER.read_text()  # with a byte order mark, which editors on Windows write
     assert spawn(started, resource_string=text, initial_pose=placed(5.0, 2.0, 3.0)).entity_name == "rover"
     again = {"resource_string": text, "allow_renaming": True}
     assert done(started, "spawn_entity", **again, initial_pose=placed(9.0, 2.0, 3.0)).entity_name == "rover_1"
