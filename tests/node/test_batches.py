@@ -187,13 +187,3 @@ def test_answers_take_turns_and_each_is_sent_once(lengths: list[int]) -> None:
         wanted = [str(index) for index, length in enumerate(lengths) if length > round_]
         assert log[: len(wanted)] == wanted, "nobody gets two turns while another waits"
         del log[: len(wanted)]
-
-
-def test_work_that_is_given_up_ends() -> None:
-    log, turns, sent = list[str](), Turns(), list[Any]()
-    endless = work("it", 100, log)
-    turns.add(Work(endless), sent.append)
-    assert turns.advance()
-    turns.close()
-    assert not turns.advance() and not sent and log == ["it"]
-    assert endless.cr_frame is None, "closed"

@@ -45,7 +45,7 @@ def set_clock(node: Fed, time: float) -> None:
 
 
 def test_with_use_sim_time_the_physics_follows_the_clock() -> None:
-    """In bursts, as its messages come. Over DDS: test_fleet.py."""
+    """In bursts, as its messages come."""
     with fed({"use_sim_time": True}) as node:
         node.node.pacer.restart()
         assert node.node.pacer.remaining() > 0.0, "time stands still until the clock runs"

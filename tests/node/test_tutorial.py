@@ -196,18 +196,9 @@ def cells_around(x: float, y: float) -> tuple[FloatArray, FloatArray]:
 def cupy_map(x: float, y: float, *, seen: bool = True) -> GridMap:
     """A map of its publisher elevation_map_raw."""
     heights = ground(*cells_around(x, y))
-    edge = np.ones_like(heights, bool)
-    edge[3:-3, 3:-3] = False  # where its filter of traversability has no result
-    color = np.full(heights.shape, 0x00FF7F10, np.uint32).view(np.float32)
-    values = {
-        "elevation": np.where(seen, heights, np.nan),
-        "traversability": np.where(seen & ~edge, 0.9, np.nan),
-        "variance": np.full_like(heights, 1e-4 if seen else UNSEEN),
-        "rgb": np.where(seen, color, np.nan),
-    }
-    made = grid_map_message(values, RESOLUTION, (x, y, 0.0))
-    made.basic_layers = ["elevation"]
-    return made
+    variances = np.full_like(heights, 1e-4 if seen else UNSEEN)
+    layers = {"elevation": np.where(seen, heights, np.nan), "variance": variances}
+    return grid_map_message(layers, RESOLUTION, (x, y, 0.0))
 
 
 def test_an_elevation_map_becomes_patches_under_the_robot(tmp_path: Path) -> None:
