@@ -1,7 +1,6 @@
 """What a new user is told: of bodies below, beside and off the ground, of maps without ground, of stamps of other
-clocks, and of files that services may not open."""
+clocks. Of files that services may not open: tests/node/test_command.py."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,6 @@ from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import floats, heightmap_message, pose_message
 from smartmesh_ros.tools.testing.replaying import replayed
 from tests.node.shared import BALL, Logged, fed, on_level, stamped, told
-from tests.urdfs import link, robot
 
 HOLES = heightmap_message(np.full((30, 30), np.nan))
 
@@ -115,15 +113,3 @@ def test_stamps_of_another_clock_are_told_once(logged: Logged, ahead: int, words
         assert node.world.terrain.tiles[""].version == 3
     told = [line for line in logged().splitlines() if "they count as those of another clock" in line]
     assert [words in line for line in told] == ([True] if words else [])
-
-
-def test_folders_of_robots_may_be_added_while_the_node_runs(tmp_path: Path) -> None:
-    (tmp_path / "robot.urdf").write_text(robot(link("a", '<box size="0.3 0.3 0.2"/>')))
-    asked = SpawnBody.Request(id="mine", urdf=str(tmp_path / "robot.urdf"), pose=pose_message((2.0, 2.0, 1.0)))
-    with on_level() as run:
-        refused = run.call("spawn_body", asked)
-        assert not refused.success
-        where = refused.message.index("is not in bodies.urdf_folders: add its folder there")
-        assert where < 250 and len(refused.message) < 700, "the cure first"
-        run.set(bodies__urdf_folders=[str(tmp_path)])
-        assert run.call("spawn_body", asked).success
