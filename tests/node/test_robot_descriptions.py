@@ -129,7 +129,7 @@ def test_the_physics_steps_while_a_robot_is_prepared_and_put_onto_the_ground(sha
 
 
 def test_every_body_is_described_while_it_is_there() -> None:
-    """How late ones get the description: tests/node/test_robot_outputs.py."""
+    """Also when somebody listens late: the next test."""
     file, text = Path(pybullet_data.getDataPath()) / "r2d2.urdf", Path(ROVER).read_text()
     shapes = {
         "box": box(0.2, 0.4, 0.6),
