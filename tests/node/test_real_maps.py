@@ -40,9 +40,7 @@ LEVEL = np.zeros((21, 21), np.float32)
     [
         ("auto", "heightmap", "motion"),
         ("auto", "grid_map", "correction"),
-        ("auto", "point_cloud", "correction"),
         ("motion", "grid_map", "motion"),
-        ("correction", "heightmap", "correction"),
     ],
 )
 def test_what_changes_mean_follows_from_the_input_unless_it_is_said(said: str, source: str, meant: str) -> None:
