@@ -2,10 +2,6 @@
 What materials do: tests/ground."""
 
 import math
-import re
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,7 +19,7 @@ from smartmesh_ros.soil.config import soil_named
 from smartmesh_ros.tools.testing import Probe, floats, heightmap_message, layer_message
 from studies.soil.trials import plate_sinkage
 from tests.grid_maps import grid_map_message
-from tests.node.shared import Fed, box, fed, position_of, set_parameters, show_map, spawn, stamped
+from tests.node.shared import Fed, blocks, box, fed, position_of, running, set_parameters, show_map, spawn, stamped
 
 ROWS, COLUMNS, RESOLUTION = 41, 201, 0.1
 ICE, GRAVEL = 0.1, 0.6
@@ -90,22 +86,18 @@ def test_a_layer_of_a_grid_map_holds_the_friction() -> None:
 
 def test_the_publisher_on_the_page_makes_ice_beside_gravel(probe: Probe) -> None:
     """docs/materials.md; bodies have the friction 0.5."""
-    page = (Path(__file__).parents[2] / "docs" / "materials.md").read_text()
-    [code] = [code for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "rclpy" in code]
-    with probe.running(), subprocess.Popen([sys.executable, "-c", code]) as publisher:
-        try:
-            probe.wait_for(lambda: probe.diagnostics("terrain")["tiles"] == "1")
-            assert probe.call("pause", SetBool, data=True).success
-            sliding = {"shape": box(0.4, 0.4, 0.1), "on_ground": True, "twist": Twist(linear=Vector3(x=2.0))}
-            starts = {"on_ice": (-8.0, 0.5 * 0.2), "on_gravel": (2.0, 0.5 * 1.2)}
-            for name, (x, _) in starts.items():
-                spawn(probe, name, (x, 0.0, 0.0), **sliding)
-            assert probe.call("step", StepPhysics, steps=600).success
-            for name, (x, friction) in starts.items():
-                way = pytest.approx(2.0**2 / (2.0 * friction * 9.81), rel=0.03)
-                probe.wait_for(lambda name=name, x=x, way=way: position_of(probe, name)[0] - x == way)
-        finally:
-            publisher.kill()
+    [code] = [code for code in blocks("docs/materials.md", "python") if "rclpy" in code]
+    with probe.running(), running(code):
+        probe.wait_for(lambda: probe.diagnostics("terrain")["tiles"] == "1")
+        assert probe.call("pause", SetBool, data=True).success
+        sliding = {"shape": box(0.4, 0.4, 0.1), "on_ground": True, "twist": Twist(linear=Vector3(x=2.0))}
+        starts = {"on_ice": (-8.0, 0.5 * 0.2), "on_gravel": (2.0, 0.5 * 1.2)}
+        for name, (x, _) in starts.items():
+            spawn(probe, name, (x, 0.0, 0.0), **sliding)
+        assert probe.call("step", StepPhysics, steps=600).success
+        for name, (x, friction) in starts.items():
+            way = pytest.approx(2.0**2 / (2.0 * friction * 9.81), rel=0.03)
+            probe.wait_for(lambda name=name, x=x, way=way: position_of(probe, name)[0] - x == way)
 
 
 PLATE, MASS = box(0.2, 0.2, 0.1), 5e3 * 0.04 / 9.81

@@ -1,10 +1,8 @@
 """Patches as height fields of MuJoCo, and the program of the page on other simulators."""
 
-import re
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,11 +15,11 @@ from smartmesh_ros.terrain.trimesh import grid_triangles
 from smartmesh_ros.tools.client import Patch, write_field
 from smartmesh_ros.tools.testing import TIMEOUT, Probe
 from tests.bodies import rotation
+from tests.node.shared import blocks
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed; scripts/workspace run dev view studies")
 
-ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "other_simulators.md").read_text()
+PAGE = "docs/other_simulators.md"
 STEP = 0.1
 
 
@@ -56,8 +54,8 @@ def patch_of(heights: np.ndarray) -> Patch:
 
 @pytest.mark.parametrize(("level", "roll"), [(0.0, 0.0), (300.0, 0.0), (-300.0, 0.0), (0.0, 0.2), (0.0, 0.5)])
 def test_a_field_is_the_surface_of_its_patch(level: float, roll: float) -> None:
-    """Rays cast down on it hit the patch's triangles, wherever the patch lies and however it is turned, as on a deck that
-    rolls and pitches."""
+    """Rays cast down on it hit the patch's triangles, wherever the patch lies and however it is turned, as on a deck
+    that rolls and pitches."""
     place, turn = (3.0, -2.0, 1.0), rotation(product(product(about(Z, 0.4), about(Y, 0.7 * roll)), about(X, roll)))
     heights = np.random.default_rng(2).normal(level, 0.0 if roll else 0.1, (6, 9))
     patch = patch_of(heights)
@@ -127,8 +125,8 @@ def test_an_unknown_field_and_a_patch_that_is_no_grid_are_refused() -> None:
 
 def test_the_program_of_the_page_runs_as_it_stands(probe: Probe) -> None:
     """In a bowl 3 m up: the ball comes to rest on its ground."""
-    [program] = [code for code in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL) if "import mujoco" in code]
-    [command] = [text for text in re.findall(r"```bash\n(.*?)```", PAGE, re.DOTALL) if "terrain_collider" in text]
+    [program] = [code for code in blocks(PAGE, "python") if "import mujoco" in code]
+    [command] = [text for text in blocks(PAGE, "bash") if "terrain_collider" in text]
     assert len(program.splitlines()) <= 32
     ros, run, package, collider, *arguments = command.split()
     assert [ros, run, package, collider] == ["ros2", "run", "smartmesh_ros", "terrain_collider"]

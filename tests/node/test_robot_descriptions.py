@@ -69,7 +69,7 @@ def test_a_description_is_of_the_robot_that_is_there_or_of_a_new_one_in_its_plac
             run.run(run.time + 1.0)
             return run.world.state("rover")
 
-        # What stands before the XML declaration is skipped: a byte order mark, which editors on Windows write, and space.
+        # A byte order mark, which editors on Windows write, and space before the XML declaration are skipped.
         place = describe("\ufeff\n \n" + text).position
         assert describe(text).position == pytest.approx(place, abs=1e-3)
         assert describe(str(ROVER)).position == pytest.approx(place, abs=1e-3)

@@ -130,8 +130,8 @@ def test_tracks_are_driven_by_joint_commands_under_their_names() -> None:
 
 
 def test_wheels_stop_when_their_publisher_dies(logged: Logged) -> None:
-    """By default half a second of simulated time after the last velocity. Positions and renewals: test_joint_dynamics.py
-    of tests/world."""
+    """By default half a second of simulated time after the last velocity. Positions and renewals:
+    tests/world/test_joint_dynamics.py."""
     with driven(ROVER.read_text(), WHEELS) as (node, _):
         node.give("joint_commands", JointState(name=WHEELS, velocity=[4.0] * 4), steps=110)
         for speed in (4.0, 0.0):

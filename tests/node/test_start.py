@@ -43,7 +43,6 @@ MALFORMED = [
 ]  # fmt: skip
 
 
-
 def test_one_line_tells_the_start_and_pybullet_says_nothing(domain: int) -> None:
     """A robot whose links lack inertias has PyBullet warn; its build time and its command line it tells unasked. In a
     namespace of its own: a node of the same name that another test left behind would be warned of."""
