@@ -14,6 +14,7 @@ from smartmesh_msgs.msg import Heightmap, TrackedBody, TrackedBodyArray
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros import BodyState, Sphere
+from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.demo.terrain_source import TerrainSource
 from smartmesh_ros.tools.testing import COLLIDER, Probe, heightmap_message
 from smartmesh_ros.world.joints import JointCommand
@@ -26,10 +27,6 @@ SLED = robot(
     link("base", mass=1e4, moment=1e4), link("arm", "", 1.0, 1.0),
     joint("j", "prismatic", "base", "arm", '<limit lower="-9" upper="9" effort="10" velocity="9"/>', axis="1 0 0"),
 )  # fmt: skip
-
-
-def stamp_of(time: float) -> Time:
-    return Time(sec=int(time), nanosec=int(time % 1.0 * 1e9))
 
 
 def fallen(message: Any) -> float:

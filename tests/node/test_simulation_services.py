@@ -221,9 +221,7 @@ def test_entities_are_filtered_by_name_and_place(started: Probe) -> None:
             (Result.RESULT_FEATURE_UNSUPPORTED, {"bounds": msg.Bounds(type=msg.Bounds.TYPE_CONVEX_HULL)}),
             (Result.RESULT_OPERATION_FAILED, {"bounds": msg.Bounds(type=msg.Bounds.TYPE_SPHERE)}),
             (Result.RESULT_OPERATION_FAILED, {"bounds": sphere(math.nan, 1.0)}),
-            (Result.RESULT_OPERATION_FAILED, {"bounds": sphere(2.0, -1.0)}),
             (Result.RESULT_OPERATION_FAILED, {"filter": "[[:digits:]]"}),
-            (Result.RESULT_OPERATION_FAILED, {"filter": "(" * 9999}),
             # Python would need years to find that this does not fit the name with the exclamation mark.
             (Result.RESULT_OPERATION_FAILED, {"filter": "^([rover_a]+)+$"}),
         ):
