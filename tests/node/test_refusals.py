@@ -27,12 +27,12 @@ GOOD = np.random.default_rng(1).normal(size=(40, 30)) * 0.2
 
 
 def changed(message: Any, **changes: Any) -> Any:
-    """The message with fields set by dotted path (double underscores)."""
+    """The message with fields set by dotted path (double underscores; numbers are places in lists)."""
     for path, value in changes.items():
         target = message
         *parents, name = path.split("__")
         for parent in parents:
-            target = getattr(target, parent)
+            target = target[int(parent)] if parent.isdigit() else getattr(target, parent)
         setattr(target, name, value)
     return message
 
