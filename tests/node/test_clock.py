@@ -11,6 +11,7 @@ from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from smartmesh_msgs.msg import Heightmap, TrackedBody, TrackedBodyArray
+from std_srvs.srv import SetBool
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros import BodyState, Sphere
@@ -84,8 +85,8 @@ def test_maps_that_overtake_the_clock_of_their_tick_keep_the_velocity_of_the_gro
 
 @pytest.mark.parametrize(("interval", "rate"), [(0.001, 50.0), (0.1, 48.0)])
 def test_each_state_has_its_own_stamp_and_rates_count_simulated_time(interval: float, rate: float) -> None:
-    """What flies at 1 m/s is where its stamps say, however many steps a message of the clock releases: such a burst is no
-    delay."""
+    """What flies at 1 m/s is where its stamps say, however many steps a message of the clock releases. Such a burst is
+    no delay."""
     parameters = {
         "use_sim_time": True, "physics.gravity": [0.0, 0.0, 0.0], "publish.body_states": rate, "publish.tf": 20.0,
     }  # fmt: skip
@@ -199,14 +200,20 @@ def test_nothing_of_before_stays_when_the_clock_goes_back(straggles: bool) -> No
         assert node.world.terrain.tiles[""].version == updates + 30
 
 
-def test_clock_is_simulated_time_and_so_are_the_stamps() -> None:
+def test_clock_is_simulated_time_and_so_are_the_stamps_none_of_which_a_frame_has_twice() -> None:
+    """Also when the physics is paused: tf2 would warn."""
     spawned = f"{{id: ball, shape: sphere, size: [0.2], xyz: [0, 0, {HEIGHT}]}}"
-    with on_level({"publish.clock": 240.0, "bodies.spawn": [spawned]}, keep=["/clock", "body_states"]) as run:
+    parameters = {"publish.clock": 240.0, "publish.tf": 50.0, "bodies.spawn": [spawned]}
+    with on_level(parameters, keep=["/clock", "/tf", "body_states"]) as run:
         run.run(2.0)
         times = [seconds(message.clock) for message in run.received("/clock")]
         assert times == sorted(times) and times[0] < 1.0 and times[-1] == pytest.approx(2.0, abs=2 * STEP)
         states = run.received("body_states")
         assert [seconds(one.header.stamp) for one in states] == pytest.approx([*map(fallen, states)], abs=2 * STEP)
+        assert run.call("pause", SetBool.Request(data=True)).success
+        run.run(3.0)
+        stamps = [seconds(message.transforms[0].header.stamp) for message in run.received("/tf")]
+        assert stamps and len({*stamps}) == len(stamps)
 
 
 def test_stamps_are_of_another_clock_once_the_node_publishes_its_own() -> None:

@@ -24,6 +24,7 @@ from tests.node.shared import Fed, blocks, box, fed, position_of, running, set_p
 ROWS, COLUMNS, RESOLUTION = 41, 201, 0.1
 ICE, GRAVEL = 0.1, 0.6
 FLAT = np.zeros((ROWS, COLUMNS))
+SOILS = FLAT + np.where(np.arange(COLUMNS) % 2, 1.0, np.nan)  # NaN: not known, which is the first one
 
 
 def halves() -> NDArray[np.float32]:
@@ -61,22 +62,24 @@ def test_materials_come_with_maps_and_regions_and_stay_where_later_ones_say_noth
         np.testing.assert_array_equal(given.rolling[1:3, 2:5], np.float32(np.arange(6.0).reshape(2, 3) / 60.0))
 
 
-def test_a_layer_of_a_grid_map_holds_the_friction() -> None:
-    with fed({"terrain.input": "grid_map"}) as node:
+def test_layers_of_a_grid_map_hold_the_material() -> None:
+    with fed({"terrain.input": "grid_map", "terrain.changes": "motion", "soil.type": ["lunar", "clay"]}) as node:
 
-        def grid_map(friction: NDArray[np.float32], start: tuple[int, int] = (0, 0)) -> GridMap:
+        def grid_map(friction: NDArray[np.float32], start: tuple[int, int] = (0, 0), soil: float = 1.0) -> GridMap:
             """Level ground with a layer of coefficients, whose circular buffer begins at ``start``."""
-            layers = {"elevation": FLAT, "slip": friction, "rolling": 0.1 * halves()}
+            layers = {"elevation": FLAT, "slip": friction, "rolling": 0.1 * halves(), "kind": soil * SOILS}
             return grid_map_message(layers, RESOLUTION, start=start, stamp=node.now())
 
         node.give("grid_map", grid_map(halves()))
         assert (coefficients(node) == 1.0).all()
-        assert not node.set("raster.material_layers", ["friction=slip", "rolling"])
+        assert not node.set("raster.material_layers", ["friction=slip", "rolling", "soil=kind"])
         for start in ((0, 0), (3, 17)):
             node.give("grid_map", grid_map(halves(), start))
             np.testing.assert_array_equal(coefficients(node), halves())
             np.testing.assert_array_equal(node.world.terrain.tiles[""].material.rolling, np.float32(0.1) * halves())
-        node.require_refused("grid_map", [("friction", grid_map(-halves()))])
+            np.testing.assert_array_equal(node.world.terrain.tiles[""].soil, np.nan_to_num(SOILS))
+        bad = [("friction", grid_map(-halves())), ("soil", grid_map(halves(), soil=0.5))]
+        node.require_refused("grid_map", bad)
         assert "may be one of" in node.set("raster.material_layers", ["grip=slip"])
         assert "once" in node.set("raster.material_layers", ["friction", "friction=slip"])
         assert not node.set("raster.material_layers", ["friction=grip"])
@@ -129,8 +132,8 @@ def test_bodies_of_a_collider_stand_on_soil(probe: Probe) -> None:
         assert 0.05 - sunk < position_of(probe, "plate")[2] < 0.05
 
 
-def test_soils_come_with_maps_and_layers_and_stay_where_later_ones_say_nothing() -> None:
-    with fed({"soil.type": ["lunar", "clay"], "terrain.input": "grid_map", "terrain.changes": "motion"}) as node:
+def test_soils_come_with_maps_and_stay_where_later_ones_say_nothing() -> None:
+    with fed({"soil.type": ["lunar", "clay"]}) as node:
 
         def a_map(soil: Any = None) -> Any:
             return stamped(node, heightmap_message(np.zeros((9, 9)), soil=soil))
@@ -143,14 +146,6 @@ def test_soils_come_with_maps_and_layers_and_stay_where_later_ones_say_nothing()
         short = a_map()
         short.soil = [1, 0]
         node.require_refused("heightmap", [("length", short)])
-        assert not node.set("raster.material_layers", ["soil=kind"])
-
-        def grid_map(kind: Any) -> GridMap:
-            return grid_map_message({"elevation": np.zeros((9, 9)), "kind": kind}, 0.1, stamp=node.now())
-
-        node.give("grid_map", grid_map(np.where(soils, 1.0, np.nan)))
-        np.testing.assert_array_equal(node.world.terrain.tiles[""].soil, soils)
-        node.require_refused("grid_map", [("soil", grid_map(0.5 * soils))])
 
 
 def test_a_map_that_cannot_be_soil_is_taken_without() -> None:

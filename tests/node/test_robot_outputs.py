@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from sensor_msgs.msg import JointState
 from simulation_interfaces import srv
 from simulation_interfaces.msg import Result
-from std_srvs.srv import SetBool
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros import BodyState, Sphere, World
@@ -22,7 +21,7 @@ from smartmesh_ros.node.inputs.conversions import RobotNames, joint_commands_fro
 from smartmesh_ros.node.inputs.frames import FrameBuffer
 from smartmesh_ros.tools.testing import Probe
 from smartmesh_ros.world.joints import JointCommand
-from tests.node.shared import LATCHED, changed, on_level, seconds, show_level_ground, transform_message
+from tests.node.shared import LATCHED, changed, on_level, show_level_ground, transform_message
 from tests.node.shared import spawn as spawn_body
 from tests.urdfs import joint, link, robot
 
@@ -247,14 +246,3 @@ def test_without_a_rate_there_is_no_publisher_of_frames(shared: Probe) -> None:
     with changed(shared, {"publish.tf": 0.0}):
         shared.wait_for(lambda: NAME not in {peer.node_name for peer in shared.node.get_publishers_info_by_topic(TF)})
     shared.wait_for(lambda: "stiff" in parents(shared))
-
-
-def test_a_clock_that_stands_still_sends_no_frame_twice() -> None:
-    """Of which tf2 warns."""
-    with on_level({"publish.tf": 50.0, "publish.clock": 100.0}, keep=["/tf"]) as run:
-        run.world.spawn_robot("stiff", robot(STIFF["one_link"]), BodyState((2.0, 2.0, 0.1)))
-        run.run(1.5)
-        assert run.call("pause", SetBool.Request(data=True)).success
-        run.run(3.0)
-        stamps = [seconds(message.transforms[0].header.stamp) for message in run.received("/tf")]
-        assert stamps and len({*stamps}) == len(stamps)
