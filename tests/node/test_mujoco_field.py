@@ -95,7 +95,6 @@ def test_a_ball_lies_on_ground_at_any_height_and_falls_through_holes(level: floa
             0.0,
             "has a pose in its body, which is moved: leave its pos and its orientation out",
         ),
-        ({"pose": 'euler="0 0 90"'}, 0.0, "has a pose in its body"),
     ],
 )
 def test_what_would_lose_bodies_is_refused_and_nothing_is_written(

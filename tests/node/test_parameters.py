@@ -232,7 +232,6 @@ def test_what_cannot_be_is_refused_at_the_start(parameters: dict[str, Any], word
     ("parameters", "words"),
     [
         ({"publish.tf": 10.0}, "publish.tf needs tf2_msgs/TFMessage"),
-        ({"bodies.frames": ["base_link"]}, "needs tf2_msgs/TFMessage"),
         ({"terrain.input": "grid_map"}, "needs grid_map_msgs/GridMap"),
     ],
 )

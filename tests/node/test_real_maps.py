@@ -129,8 +129,9 @@ def test_tiles_that_come_and_go_leave_nothing_behind(monkeypatch: pytest.MonkeyP
         assert min(np.diff(sums)) < 200 * 1024, "a thousand bytes of each; what happens once is no leak"
 
 
-def test_the_shipped_bag_of_a_mapper_is_taken_and_after_a_reset_again() -> None:
-    """Played again, its stamps run backwards. Over DDS the page on testing plays one: test_tutorial.py."""
+def test_the_shipped_bag_of_a_mapper_is_taken_and_after_a_reset_again(logged: Logged) -> None:
+    """That its stamps are old is told once of each source. Played again, they run backwards. Over DDS the page on
+    testing plays a bag: test_tutorial.py."""
     records = list(bags.read(MAPPER))
     topics = {"/elevation_map": "grid_map", "/odom": "/odom"}
     data = {record.topic: record.data for record in records}
@@ -148,6 +149,7 @@ def test_the_shipped_bag_of_a_mapper_is_taken_and_after_a_reset_again() -> None:
             assert tile.geometry == last.geometry
             np.testing.assert_allclose(tile.heights, last.heights, atol=1e-5)
             assert node.world.state("rover").position[:2] == pytest.approx((place.x, place.y), abs=0.5)
+            assert logged().count("s old, so they count as those of another clock") == (0 if refused else 2)
             if refused:
                 node.node.reset()
 

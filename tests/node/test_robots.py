@@ -93,7 +93,6 @@ def test_bad_commands_are_refused_whole_and_the_last_good_one_goes_on(logged: Lo
             ("unknown_joint", {"name": [*WHEELS[:3], "flux"], "velocity": [0.0] * 4}),
             ("unknown_joint", {"name": ["crane/front_left"], "velocity": [0.0]}),
             ("duplicate_id", {"name": ["rear_left", "robot/rear_left"], "velocity": [0.0] * 2}),
-            ("length", {"velocity": [0.0] * 3}),
             ("length", {"velocity": [0.0] * 4, "effort": [1.0]}),
             ("length", {"name": [], "velocity": []}),
             ("non_finite", {"velocity": [0.0, 0.0, 0.0, -math.inf]}),

@@ -67,7 +67,6 @@ def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(tmp_path: Path
         spoilt[len(spoilt) // 2] ^= 1
         asked: list[tuple[Any, dict[str, Any], str]] = [
             (RestoreState, {}, "the path of a file, or the bytes"),
-            (RestoreState, {"state": state, "file": str(other)}, "the path of a file, or the bytes"),
             (RestoreState, {"file": str(other)}, "no saved state"),
             (RestoreState, {"file": str(tmp_path / "none.npz")}, "cannot be read"),
             (RestoreState, {"file": "/etc/passwd"}, "does not end in .npz"),
@@ -75,8 +74,6 @@ def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(tmp_path: Path
             (SaveState, {"file": str(tmp_path / "state.txt")}, "does not end in .npz"),
             (SaveState, {"file": str(other)}, "is no saved state; choose another name"),
             (SaveState, {"file": str(tmp_path / "no folder" / "s.npz")}, "cannot be saved"),
-            (SaveState, {"file": str(other / "s.npz")}, "cannot be saved"),
-            (SaveState, {"file": str(tmp_path / f"{'n' * 300}.npz")}, "cannot be saved"),
         ]
         for kind, fields, words in asked:
             service = "save_state" if kind is SaveState else "restore_state"
