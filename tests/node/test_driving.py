@@ -1,4 +1,4 @@
-"""Bases that drive by velocities, their odometry and frames, and IMUs, over real DDS and in this process."""
+"""Bases that drive by velocities, their odometry and frames, and IMUs."""
 
 import math
 from types import SimpleNamespace
@@ -9,9 +9,8 @@ from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from sensor_msgs.msg import Imu
 
 from smartmesh_ros import BodyState, Box, HeightMap
-from smartmesh_ros.tools.testing import Probe
 from tests import urdfs
-from tests.node.shared import fed, on_level, seconds, show_level_ground, spawn
+from tests.node.shared import fed, on_level, seconds
 from tests.node.test_robot_outputs import buffer_of
 from tests.world.test_bases import HINGES, RACECAR, REAR, UNDERCARRIAGE
 
@@ -19,7 +18,6 @@ CAR = (
     f"{{body: car, wheels: [{', '.join(REAR)}], steering: [{', '.join(HINGES)}], publish_tf: true, "
     "odom_frame: car/odom}"
 )
-SHARED = {"imus": ["{body: husky, link: imu_link, rate: 60, gyroscope_noise_density: 0.002}", "{body: car}"]}
 
 
 def test_the_frame_of_a_robots_odometry_is_between_the_map_and_its_root_link() -> None:
@@ -44,20 +42,19 @@ def test_the_frame_of_a_robots_odometry_is_between_the_map_and_its_root_link() -
         assert there.translation == pytest.approx(run.world.base_state("car").position, abs=1e-3)
 
 
-def test_an_imu_of_a_link_comes_with_its_frame_and_covariances(shared: Probe) -> None:
-    show_level_ground(shared, 101)
-    for y, (name, urdf) in enumerate({"husky": urdfs.HUSKY, "car": RACECAR}.items(), 2):
-        spawn(shared, name, (2.0, 2.0 * y, 0.0), urdf=urdf, on_ground=True)
-    found, root = shared.listen("imu/husky/imu_link", Imu), shared.listen("imu/car", Imu)
-    shared.wait_for(lambda: len(found) > 60 and len(root) > 10)
-    times = np.array([seconds(message.header.stamp) for message in found])
-    assert (np.diff(times) >= 0.0).all()
-    last = found[-1]
-    assert last.header.frame_id.endswith("imu_link")
-    assert root[-1].header.frame_id.endswith("base_link")
-    assert last.linear_acceleration.z == pytest.approx(9.81, abs=0.1)
-    np.testing.assert_allclose(last.angular_velocity_covariance, (0.002**2 * 60.0 * np.eye(3)).ravel(), rtol=1e-6)
-    assert not np.any(last.linear_acceleration_covariance)
+def test_an_imu_of_a_link_comes_with_its_frame_and_covariances() -> None:
+    imus = ["{body: husky, link: imu_link, rate: 60, gyroscope_noise_density: 0.002}", "{body: car}"]
+    topics = ("imu/husky/imu_link", "imu/car")
+    with on_level({"imus": imus}, keep=topics) as run:
+        run.run(0.1)
+        for y, (name, urdf) in enumerate({"husky": urdfs.HUSKY, "car": RACECAR}.items(), 2):
+            run.world.spawn_robot(name, urdf, BodyState((2.0, 2.0 * y, 0.0)), on_ground=True)
+        run.run(1.5)
+        last, root = (run.received(topic)[-1] for topic in topics)
+        assert last.header.frame_id.endswith("imu_link") and root.header.frame_id.endswith("base_link")
+        assert last.linear_acceleration.z == pytest.approx(9.81, abs=0.1)
+        np.testing.assert_allclose(last.angular_velocity_covariance, (0.002**2 * 60.0 * np.eye(3)).ravel(), rtol=1e-6)
+        assert not np.any(last.linear_acceleration_covariance)
 
 
 def test_commands_that_cannot_be_are_refused(domain: int) -> None:
