@@ -90,11 +90,7 @@ def test_a_ball_lies_on_ground_at_any_height_and_falls_through_holes(level: floa
         ({"size": "0.5 0.5 2 1"}, 0.0, r"reaches 1 x 1 m .* compiled for 0\.5 x 0\.5 m; give it a size at least"),
         ({"samples": 16}, 0.0, r"takes 21 x 21 samples .* room for 256; give it nrow x ncol of 441 or more"),
         ({"mocap": "false"}, 0.0, r"on a body that cannot be moved; give it mocap='true'"),
-        (
-            {"pose": 'pos="0 0 0.3"'},
-            0.0,
-            "has a pose in its body, which is moved: leave its pos and its orientation out",
-        ),
+        ({"pose": 'pos="0 0 0.3"'}, 0.0, "has a pose in its body, which is moved: leave its pos and its orientation"),
     ],
 )
 def test_what_would_lose_bodies_is_refused_and_nothing_is_written(
