@@ -245,11 +245,6 @@ def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, parameters:
     ("parameters", "remap", "words"),
     [
         ({"bodies.odometry": ["husky=~/odometry"]}, [], ("body 'husky'", "'~/odometry'", f"{COLLIDER}/odometry")),
-        (
-            {"bodies.odometry": ["husky=~/tracked_odometry"]},
-            ["~/tracked_odometry:=/odom", "~/odometry:=/odom"],
-            ("body 'husky'", "'~/tracked_odometry'", "/odom", "publishes as ~/odometry"),
-        ),
         ({}, ["~/tracked_bodies:=/bodies", "~/body_states:=/bodies"], ("~/tracked_bodies", "/bodies", "~/body_states")),
         ({}, ["~/joint_commands:=~/joint_states"], ("~/joint_commands", "publishes as ~/joint_states")),
     ],

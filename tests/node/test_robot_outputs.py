@@ -121,7 +121,6 @@ def commands(*, always: bool, **fields: Any) -> list[tuple[str, str, JointComman
             {"position": [0.5, NAN], "velocity": [NAN, 2.0], "effort": [NAN, NAN]},
             {"hinge": JointCommand(position=0.5), "slide": JointCommand(velocity=2.0)},
         ),
-        ({"position": [NAN, NAN], "effort": [1.0, NAN]}, {"hinge": JointCommand(effort=1.0)}),
         ({"velocity": [NAN, 0.0]}, {"slide": JointCommand(velocity=0.0)}),
         ({"position": [NAN, NAN], "velocity": [NAN, NAN]}, {}),
         ({}, {"hinge": JointCommand(), "slide": JointCommand()}),
