@@ -143,6 +143,8 @@ def test_soils_come_with_maps_and_stay_where_later_ones_say_nothing() -> None:
             node.give("heightmap", a_map(soil))
             np.testing.assert_array_equal(node.world.terrain.tiles[""].soil, soils)
         node.require_refused("heightmap", [("soil", a_map(soils + 1))])
+        region = HeightmapUpdate(width=1, height=1, heights=[0.0], layers=[layer_message("soil", 2.0)])
+        node.require_refused("heightmap_update", [("soil", stamped(node, region))])
         short = a_map()
         short.soil = [1, 0]
         node.require_refused("heightmap", [("length", short)])

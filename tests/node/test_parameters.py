@@ -137,9 +137,6 @@ def test_the_executable_explains_itself() -> None:
     result = subprocess.run([executable("terrain_collider"), "--help"], capture_output=True, text=True, check=True)
     assert result.stdout.startswith("usage:") and result.stderr == ""
     assert all(spec.name in result.stdout for spec in SPECS)
-    result = subprocess.run([executable("terrain_source"), "--hepl"], capture_output=True, text=True, check=False)
-    assert result.returncode == 2
-    assert "--hepl" in result.stderr
 
 
 MAPS = f"qos_overrides.{COLLIDER}/heightmap.subscription"
