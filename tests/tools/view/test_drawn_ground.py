@@ -23,6 +23,7 @@ from std_msgs.msg import Header
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.client.patch import Patch
 from smartmesh_ros.tools.testing import TIMEOUT, Process, floats, heightmap_message, pose_message
+from tests.bodies import about_z, rotation
 from tests.examples import examples
 
 pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")
@@ -215,44 +216,35 @@ def test_a_body_that_was_removed_is_not_found_at_its_last_pose() -> None:
     assert sight.poses.keys() == {"ball", "crate"}
 
 
-def test_the_tiles_of_a_deck_are_drawn_and_clicked_where_its_odometry_says(server: Any) -> None:
+def test_tiles_and_patches_of_a_deck_are_drawn_and_clicked_where_its_odometry_says(server: Any) -> None:
+    """Also a patch of a moment ago, when the deck was elsewhere."""
     ground, sight = ground_of(np.zeros((11, 11)), resolution=1.0), Sight()
     ground.frames = sight.bases
-    message = heightmap_message(np.zeros((5, 5)), resolution=0.5, origin=(-1.0, -1.0, 0.25), tile="ferry/roof")
-    give(ground, message)
-    scene, drawn = TerrainScene(server.scene, period=0.0), server.scene._handle_from_node_name
+    tile = "ferry/roof"
+    give(ground, heightmap_message(np.zeros((5, 5)), resolution=0.5, origin=(-1.0, -1.0, 0.25), tile=tile))
+    scene, drawn = Scene(server), server.scene._handle_from_node_name
     eye, down = np.array([[4.0, 5.0, 9.0]]), np.array([[0.0, 0.0, -1.0]])
+    corners, turn = np.array([(0.0, 0.0), (0.5, 0.0), (0.0, 0.5)]), rotation(about_z(0.3))[:2, :2]
+    sight.patches["box"] = Patch(
+        name="box", kind="trimesh", tile=tile, row=0, column=0, stride=0, deviation=0.0, linear_w=np.zeros(3),
+        angular_w=np.zeros(3), vertices_w=np.column_stack([corners @ turn.T + (4.0, 5.0), np.ones(3)]),
+        triangles=np.array([[0, 1, 2]], np.uint32),
+    )  # fmt: skip
     for height in (2.0, 3.0):
         place = Odometry(child_frame_id="ferry")
         place.pose.pose = pose_message((4.0, 5.0, height), yaw=0.3)
         sight.take("odometry", serialize_message(place))
-        scene.show(ground, np.array([[4.0, 5.0, height]]), np.array([0.2]), [])
+        scene.show(ground, sight)
         frame, mesh = drawn["/decks/ferry"], drawn["/decks/ferry/terrain/tile_ferry%2Froof"]
         assert frame.position == pytest.approx([4.0, 5.0, height])
         assert frame.wxyz == pytest.approx([math.cos(0.15), 0.0, 0.0, math.sin(0.15)])
         low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
         np.testing.assert_allclose([low, high], [[-1.0, -1.0, 0.25], [1.0, 1.0, 0.25]], atol=1e-5)
+        patch = drawn["/decks/ferry/patches/mesh"]
+        np.testing.assert_allclose(patch.vertices[:, :2], corners, atol=1e-5)
+        np.testing.assert_allclose(patch.vertices[:, 2], 0.25, atol=0.01)
         assert ground.distances(eye, down) == pytest.approx(9.0 - height - 0.25)
     assert "/terrain/tile_" in drawn and "/terrain/tile_ferry%2Froof" not in drawn
-
-
-def test_a_patch_on_a_deck_is_drawn_on_it_where_the_deck_is_drawn(server: Any) -> None:
-    """The deck has moved since the patch."""
-    ground, sight = Ground(), Sight()
-    ground.frames = sight.bases
-    give(ground, heightmap_message(np.zeros((5, 5)), origin=(-1.0, -1.0, 0.25), resolution=0.5, tile="ferry"))
-    vertices = np.array([(4.0, 5.0, 1.0), (4.5, 5.0, 1.0), (4.0, 5.5, 1.0)])
-    sight.patches["box"] = Patch(
-        name="box", kind="trimesh", tile="ferry", row=0, column=0, stride=0, deviation=0.0, linear_w=np.zeros(3),
-        angular_w=np.zeros(3), vertices_w=vertices, triangles=np.array([[0, 1, 2]], np.uint32),
-    )  # fmt: skip
-    place = Odometry(child_frame_id="ferry")
-    place.pose.pose = pose_message((4.0, 5.0, 2.0))
-    sight.take("odometry", serialize_message(place))
-    Scene(server).show(ground, sight)
-    drawn = server.scene._handle_from_node_name["/decks/ferry/patches/mesh"]
-    np.testing.assert_allclose(drawn.vertices[:, :2], [(0.0, 0.0), (0.5, 0.0), (0.0, 0.5)], atol=1e-5)
-    np.testing.assert_allclose(drawn.vertices[:, 2], 0.25, atol=0.01)
 
 
 def test_a_tile_is_drawn_whatever_the_names_of_others_and_stays_when_they_go(server: Any) -> None:
