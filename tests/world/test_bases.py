@@ -232,10 +232,8 @@ def test_a_saved_world_drives_on_and_one_without_the_base_stops_in_time() -> Non
     ("settings", "words"),
     [
         ({}, "has wheels"), ({"wheels": ("a",), "tracks": ("b",)}, "has wheels"),
-        ({"wheels": "a"}, "list of different"),
-        ({"wheels": ("a", "a")}, "list of different"), ({"wheels": ("a",), "radius": -1}, "0 to 10000 m"),
-        ({"wheels": ("a",), "linear_limit": 0}, "above zero"),
-        ({"wheels": ("a",), "linear_limit": math.nan}, "above zero"),
+        ({"wheels": "a"}, "list of different"), ({"wheels": ("a", "a")}, "list of different"),
+        ({"wheels": ("a",), "radius": -1}, "0 to 10000 m"), ({"wheels": ("a",), "linear_limit": 0}, "above zero"),
         ({"wheels": ("a",), "track": "wide"}, "a number"), ({"wheels": ("a",), "wheelbase": 1.0}, "no wheelbase"),
         ({"wheels": ("a",), "steering": ("b",), "track": 1.0}, "no track"),
     ],

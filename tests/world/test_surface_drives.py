@@ -71,9 +71,7 @@ def test_what_has_no_surface_on_the_ground_is_refused(driven: World) -> None:
         ("nobody", "", 1.0, (0.0, 1.0, 0.0), "no body"),
         ("hand", "", 1.0, (0.0, 1.0, 0.0), "not simulated"),
         (NAME, "wheel", 1.0, (0.0, 1.0, 0.0), "'left_track_link'"),
-        (NAME, "left_track_link", math.nan, (0.0, 1.0, 0.0), "finite"),
         (NAME, "left_track_link", 1e9, (0.0, 1.0, 0.0), "finite"),
-        (NAME, "left_track_link", 1.0, (0.0, 0.0, 0.0), "zero"),
         (NAME, "left_track_link", 1.0, (0.0, math.inf, 0.0), "zero"),
     ):
         with pytest.raises(InputError, match=words):
@@ -103,11 +101,8 @@ DRIVE = '<surface_drive name="left_track" link="left_track_link"><axis xyz="0 1 
         (DRIVE.replace("left_track", "slew", 1), "of a joint"),
         (DRIVE.replace("left_track_link", "wheel"), "'wheel', which does not exist"),
         (DRIVE.replace("left_track_link", "right_track_link"), "one surface"),
-        (DRIVE.replace("0 1 0", "0 0 0"), "axis .* zero"),
         (DRIVE.replace("0 1 0", "0 1e-200 0"), "axis .* zero"),
         (DRIVE.replace("0 1 0", "0 1e200 0"), "no length"),
-        (DRIVE.replace("0 1 0", "0 1"), "3 numbers"),
-        (DRIVE.replace("0 1 0", "0 1 nan"), "finite"),
         (DRIVE.replace('<axis xyz="0 1 0"/>', ""), "0 elements <axis>"),
         (DRIVE.replace('<limit velocity="1.5"/>', ""), "0 elements <limit>"),
         (DRIVE.replace("1.5", "fast"), "a number"),

@@ -31,11 +31,9 @@ from tests.grounds import level, moving, shaped, world_of
     ("act", "reason"),
     [
         (lambda w: w.spawn("ball", Sphere(0.1), 1.0), "duplicate_id"),
-        (lambda w: w.spawn("", Sphere(0.1), 1.0), "empty_id"),
-        (lambda w: w.spawn("a/b", Sphere(0.1), 1.0), "empty_id"),
         *(
             (partial(World.spawn, name=name, shape=Sphere(0.1), mass=1.0), "empty_id")
-            for name in (" ", "a\nb", "\t", 7)
+            for name in ("", " ", "a/b", "a\nb", 7)
         ),
         (lambda w: w.track("a\x00b", 0.1, BodyState()), "empty_id"),
         (lambda w: w.height_scan("ball", "isaac_lab"), "height_scan"),
@@ -46,16 +44,12 @@ from tests.grounds import level, moving, shaped, world_of
         (lambda w: w.spawn("x", Sphere(0.1), 1.0, align=True), "parameter"),
         (lambda w: w.spawn_robot("x", urdfs.HUSKY, clearance=0.1), "parameter"),
         (lambda w: w.spawn("x", Sphere(0.1), 0.0), "geometry"),
-        (lambda w: w.spawn("x", Sphere(0.1), math.nan), "geometry"),
-        (lambda w: w.spawn("x", Sphere(-0.1), 1.0), "geometry"),
         (lambda w: w.spawn("x", Box(0.1, math.inf, 0.1), 1.0), "geometry"),
         (lambda w: w.spawn("x", Sphere(0.1), 1.0, BodyState((math.nan, 0.0, 0.0))), "non_finite"),
         (lambda w: w.spawn("x", Sphere(0.1), 1.0, BodyState(orientation=(0.0, 0.0, 0.0, 0.0))), "quaternion"),
-        (lambda w: w.spawn("x", Sphere(0.1), 1.0, BodyState(orientation=(0.0, 0.0, 0.0, 2.0))), "quaternion"),
         (lambda w: w.spawn_robot("x", "/no/such.urdf"), "urdf"),
         (lambda w: w.move("ball", BodyState((1e8, 0.0, 0.0))), "position"),
         (lambda w: w.move("ball", BodyState(angular=(0.0, 0.0, 1e200))), "angular_velocity"),
-        (lambda w: w.remove("nobody"), "unknown_body"),
         (lambda w: w.state("nobody"), "unknown_body"),
         (lambda w: w.drive("ball", "axle", 1.0), "unknown_joint"),
         (lambda w: w.track("ball", 0.1, BodyState()), "duplicate_id"),
@@ -72,11 +66,6 @@ def test_what_cannot_be_is_refused_and_nothing_changes(world: World, act: Callab
     assert world.client.getNumBodies() == bodies
     world.step(10)
     assert world.state("ball").position[2] == pytest.approx(0.2, abs=1e-3)
-
-
-def test_a_mass_without_end_is_called_what_it_is(world: World) -> None:
-    with pytest.raises(InputError, match="mass of 'x' is inf kg; it must be finite"):
-        world.spawn("x", Sphere(0.1), math.inf)
 
 
 def test_a_tracked_body_that_is_not_heard_of_goes_no_farther(world: World) -> None:
