@@ -8,7 +8,7 @@ import pytest
 
 from smartmesh_ros import BodyState, Box, GridGeometry, HeightMap, Terrain, World
 from smartmesh_ros.ground.shapes import Shape
-from tests.bodies import about_z, rotation
+from tests.bodies import about_z, rotation, yaw_of
 from tests.grounds import add
 from tests.urdfs import link, robot
 
@@ -102,7 +102,7 @@ def test_ground_that_turns_has_the_box_on_it_with_the_velocity_of_its_place(
     found = ride(place, 3.0, (start, 0.0), maps)(3.0)
     there = (x + start * math.cos(yaw), y + start * math.sin(yaw), 0.1)
     assert found.position == pytest.approx(there, abs=0.1 if beside else 0.06)
-    assert 2.0 * math.atan2(found.orientation[2], found.orientation[3]) == pytest.approx(yaw, abs=0.06)
+    assert yaw_of(found.orientation) == pytest.approx(yaw, abs=0.06)
     arm = found.position[0], found.position[1] - beside
     assert found.linear == pytest.approx((-spin * arm[1], spin * arm[0], 0.0), abs=0.02)
 

@@ -12,6 +12,7 @@ import pytest
 
 from smartmesh_ros import Base, BaseConfig, BodyState, InputError, World
 from tests import urdfs
+from tests.bodies import yaw_of
 from tests.grounds import level, said_by, shaped, world_of
 from tests.tracked import UNDERCARRIAGE
 
@@ -63,8 +64,7 @@ def standing(name: str, **changes: object) -> Iterator[tuple[World, Base]]:
 def pose(world: World) -> np.ndarray:
     """Place [m] and yaw [rad] of the root link."""
     state = world.base_state("robot")
-    x, y, z, w = state.orientation
-    return np.array([*state.position[:2], math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))])
+    return np.array([*state.position[:2], yaw_of(state.orientation)])
 
 
 def turned(world: World, steps: int) -> float:

@@ -146,6 +146,11 @@ def test_visuals_never_matter(world: World, visual: str) -> None:
 LIMIT = '<limit lower="-1" upper="1" effort="20" velocity="5"/>'
 
 
+def positions_of(world: World) -> dict[str, float]:
+    """Positions of the joints of the robot r."""
+    return {reading.name: reading.position for reading in world.joints("r")}
+
+
 @pytest.mark.parametrize(
     ("kinds", "parent", "multiplier", "offset"),
     [
@@ -170,20 +175,18 @@ def test_a_joint_that_mimics_another_follows_it(
     caplog.set_level("INFO")
     world.spawn_robot("r", urdf, BodyState((0.0, 0.0, 0.1)))
     assert any("'right_joint' follows 'left_joint'" in line for line in caplog.messages)
-    positions = {reading.name: reading.position for reading in world.joints("r")}
-    assert positions == {"left_joint": 0.0, "right_joint": pytest.approx(offset)}
+    assert positions_of(world) == {"left_joint": 0.0, "right_joint": pytest.approx(offset)}
     for target in (0.03, -0.4):
         world.command("r", "left_joint", JointCommand(position=target))
         for count in (60, 300):
             world.step(count)
-            positions = {reading.name: reading.position for reading in world.joints("r")}
+            positions = positions_of(world)
             follows = multiplier * positions["left_joint"] + offset
             assert positions["right_joint"] == pytest.approx(follows, abs=5e-3)
         assert positions["left_joint"] == pytest.approx(target, abs=5e-3)
-    saved = world.save()
-    world.restore(saved)
+    world.restore(world.save())
     world.reset_bodies()
-    assert {r.name: r.position for r in world.joints("r")}["right_joint"] == pytest.approx(offset)
+    assert positions_of(world)["right_joint"] == pytest.approx(offset)
     world.remove("r")
     world.step(2)
     assert world.client.getNumConstraints() == 0
