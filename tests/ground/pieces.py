@@ -7,27 +7,23 @@ import numpy as np
 from smartmesh_ros import Deck, HeightMap, Terrain
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh
-from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.bodies import UPRIGHT
 from tests.grounds import terrain_of
+from tests.terrain.surfaces import mesh_of
 
 REACH, ROWS = 4.0, np.arange(-20, 21)  # of the ground to both sides of x = 0 [m], and across [cells]
 Form = Callable[[FloatArray, FloatArray], FloatArray]
 Piece = Callable[[Form, float, float, float], MainMesh | Deck]  # of a form, from one x to another, in cells of a size
 
 
-def samples(form: Form, low: float, high: float, cell: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    x, y = (cell * each for each in np.meshgrid(np.arange(round(low / cell), round(high / cell) + 1), ROWS))
-    return x, y, form(x, y)
-
-
 def a_map(form: Form, low: float, high: float, cell: float) -> HeightMap:
-    return HeightMap(samples(form, low, high, cell)[2], resolution=cell, origin=(low, cell * ROWS[0]))
+    x, y = (cell * each for each in np.meshgrid(np.arange(round(low / cell), round(high / cell) + 1), ROWS))
+    return HeightMap(form(x, y), resolution=cell, origin=(low, cell * ROWS[0]))
 
 
 def a_mesh(form: Form, low: float, high: float, cell: float) -> TriangleMesh:
-    points = np.stack(samples(form, low, high, cell), axis=-1)
-    return TriangleMesh(points.reshape(-1, 3), grid_triangles(*points.shape[:2]))
+    return mesh_of(a_map(form, low, high, cell))
 
 
 def a_deck(form: Form, low: float, high: float, cell: float) -> Deck:

@@ -115,7 +115,7 @@ def test_a_wall_on_the_floor_stops_what_comes_to_its_foot(floor: Piece, low: flo
 @pytest.mark.parametrize("parts", [(a_map, a_mesh), (a_mesh, a_deck), (a_deck, a_map)])
 def test_a_humanoid_whose_feet_are_on_a_seam_stands_still(parts: tuple[Piece, Piece]) -> None:
     """The corners of its feet bear it. If crossings of their edges with the rims were chosen in turn, it would rock."""
-    model = legged.robot("g1")
+    model = legged.ROBOTS["g1"]
     with world_of(pieces(LEVEL, *parts), friction=0.8, sleep=False) as world:
         world.spawn_robot("g1", model.urdf, BodyState((0.0, 0.01, model.height + 3e-3)))
         robot = world.bodies["g1"]
