@@ -37,7 +37,7 @@ STILL: Vector = (0.0, 0.0, 0.0)
 
 
 class GroundWorld(World):
-    """Bodies of 1 kg that never sleep, and are not put back onto the ground."""
+    """Bodies of 1 kg that never sleep."""
 
     def __init__(self, ground: MainMesh | Terrain, step: float = STEP) -> None:
         super().__init__(ground, WorldConfig(physics=PhysicsConfig(rate=1.0 / step, sleep=False)))

@@ -265,12 +265,11 @@ def test_what_does_not_fit_the_robot_is_said_once_and_refused(name: str, config:
         assert words in said[0]
         with pytest.raises(InputError, match=words):
             base.drive(1.0, 0.0)
-    with World() as world:
-        base: Any = Base(world, "robot", config)
-        for speed, lasts, words in (
-            (math.nan, 1.0, "not finite"),
-            ("fast", 1.0, "not finite"),
-            (1.0, math.nan, "durat"),
-        ):
-            with pytest.raises(InputError, match=words):
-                base.drive(speed, 0.0, lasts)
+
+
+@pytest.mark.parametrize(
+    ("speed", "lasts", "words"), [(math.nan, 1.0, "not finite"), ("fast", 1.0, "not finite"), (1.0, math.nan, "durat")]
+)
+def test_a_command_that_cannot_be_is_refused(speed: Any, lasts: float, words: str) -> None:
+    with World() as world, pytest.raises(InputError, match=words):
+        Base(world, "robot", BaseConfig(wheels=("left", "right"))).drive(speed, 0.0, lasts)
