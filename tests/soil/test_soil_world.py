@@ -219,3 +219,20 @@ def test_bad_files_are_refused(tmp_path: Path, text: str, words: str) -> None:
     file.write_text(text)
     with pytest.raises(InputError, match=words):
         soils_of(file)
+
+
+@pytest.mark.parametrize("shape", [Box(0.2, 0.2, 0.2), Sphere(0.1), Cylinder(radius=0.1, height=0.2)])
+def test_a_map_that_is_higher_at_once_lifts_what_stands_in_its_soil(shape: Shape) -> None:
+    """Without a velocity, as after a long break. What stood there is below the new ground; its print goes along."""
+    with World(HeightMap(FLAT, resolution=0.04)) as world:
+        world.spawn("body", shape, 10.0, BodyState((2.0, 2.0, 0.1)))
+        laid(world, "dry_sand")
+        world.step(240)
+        before = world.state("body").position[2]
+        world.terrain.tile("").replace(FLAT + 0.3, time=world.time + 100.0)
+        heights = []
+        for _ in range(240):
+            world.step()
+            heights.append(world.state("body").position[2] - 0.3)
+        assert max(heights) < 0.12
+        assert before - 0.02 < heights[-1] <= before + 1e-3

@@ -97,6 +97,7 @@ GroundPoint ground_above_all_parts(const Instant& now, const Slot& it, GroundRea
   for (const ShapePart& part : it.body_shape->parts) {
     const Vec3 inside = pose.to_world(part.inside);
     GroundPoint ground = ground_above(reader, inside, it.body);
+    if (std::isnan(ground.height)) return ground;
     if (now.soil != nullptr) ground.height -= now.soil->below_map(inside, now.time);
     if (!(inside.z < ground.height)) return none;
     if (ground.height > highest.height) highest = ground;

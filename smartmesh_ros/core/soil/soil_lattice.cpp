@@ -131,11 +131,24 @@ const FineSample* SoilLattice::find(int row, int column) const {
   return sample != nullptr && sample->step != 0 ? sample : nullptr;
 }
 
+bool SoilLattice::is_known_around(int row, int column) const {
+  for (int r = row / refine_; r <= std::min(row / refine_ + 1, map_.rows - 1); ++r) {
+    for (int c = column / refine_; c <= std::min(column / refine_ + 1, map_.columns - 1); ++c) {
+      const auto known = known_.find(node_index(r, c));
+      if (known == known_.end() || known->second != mapped(r, c)) return false;
+    }
+  }
+  return true;
+}
+
 double SoilLattice::below_map(int row, int column, std::int32_t last) const {
   const FineSample* sample = find(row, column);
   if (sample == nullptr) return 0.0;
-  const double elastic = sample->step >= last ? sample->pressure / soil(kind(row, column)).elastic : 0.0;
-  return level_at(row, column) - (sample->level - sample->yield.plastic - elastic);
+  const bool is_loaded = sample->step >= last;
+  const double elastic = is_loaded ? sample->pressure / soil(kind(row, column)).elastic : 0.0;
+  const double pressed = sample->yield.plastic + elastic;
+  if (is_known_around(row, column)) return level_at(row, column) - sample->level + pressed;
+  return is_loaded ? pressed : 0.0;  // as `renew` will have it
 }
 
 SoilLattice::Around SoilLattice::around(int node_row, int node_column) const {

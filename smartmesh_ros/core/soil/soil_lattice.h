@@ -97,6 +97,8 @@ class SoilLattice {
   std::int64_t node_index(int row, int column) const { return static_cast<std::int64_t>(row) * map_.columns + column; }
   float mapped(int row, int column) const { return map_.heights[map_.index(row, column)]; }
   double level_at(int row, int column) const;
+  // Returns true if the map around a fine sample has the heights that the soil gave it or found there.
+  bool is_known_around(int row, int column) const;
   // Returns the index of the map's sample that is nearest to a fine one.
   std::size_t nearest(int row, int column) const;
   // Returns true if the sample stays pressed.
