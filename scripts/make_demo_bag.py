@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.scenes.eight import robot_file
-from smartmesh_ros.tools.demo.demo import BODIES, ROBOT, SOURCE, WHEELS
+from smartmesh_ros.tools.demo.demo import PLACES, ROBOT, SOURCE, WHEELS
 from smartmesh_ros.tools.demo.terrain_source import SPECS, make_scene
 from smartmesh_ros.tools.testing import bags, heightmap_message
 
@@ -43,11 +43,10 @@ def messages(seconds: float) -> Iterator[tuple[str, float, Any]]:
 
 def bodies() -> list[str]:
     """Return the demo's two dozen bodies and its robot, as entries of ``bodies.spawn``."""
-    entries = []
-    for index in range(BODIES):
-        angle, reach = 2.0 * math.pi * index / BODIES, 5.0 + 2.0 * (index % 3)
-        x, y = reach * math.cos(angle), reach * math.sin(angle)
-        entries.append(f"{SHAPES[index % 3]}, id: body_{index}, mass: 5.0, xy: [{x:.3f}, {y:.3f}], above: 0.8}}")
+    entries = [
+        f"{SHAPES[index % 3]}, id: body_{index}, mass: 5.0, xy: [{x:.3f}, {y:.3f}], above: 0.8}}"
+        for index, (x, y) in enumerate(PLACES)
+    ]
     return [*entries, f"{{id: {ROBOT}, urdf: {robot_file()}, xy: [-4.0, 0.0], above: 0.4}}"]
 
 

@@ -55,4 +55,4 @@ if __name__ == "__main__":
     prepare()
     # Without the tests' own conftest, which starts processes and needs ROS.
     run("-m", "pytest", "--noconftest", "-q", "-p", "no:cacheprovider", "-n", "auto", "tests/core")
-    run("scripts/mixed_scenes.py", sys.argv[1] if len(sys.argv) > 1 else "30")
+    run("-m", "scripts.mixed_scenes", sys.argv[1] if len(sys.argv) > 1 else "30")

@@ -29,6 +29,12 @@ def about_z(angle: float) -> Turn:
     return 0.0, 0.0, math.sin(0.5 * angle), math.cos(0.5 * angle)
 
 
+def yaw_of(q: Turn) -> float:
+    """The angle by which a unit quaternion turns about z [rad]."""
+    x, y, z, w = q
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
 def rotation(q: np.ndarray | Turn) -> np.ndarray:
     """The matrix of a unit quaternion (x, y, z, w)."""
     x, y, z, w = q

@@ -38,12 +38,12 @@ def terrain_of(**tiles: MainMesh | Deck) -> Terrain:
     return terrain
 
 
-def add(world: World, name: str, body: Shape | str, start: BodyState, mass: float = 1.0) -> None:
+def add(world: World, name: str, body: Shape | str, start: BodyState, mass: float = 1.0, **options: Any) -> None:
     """Spawn a body of a shape, or the robot of a description."""
     if isinstance(body, str):
-        world.spawn_robot(name, body, start)
+        world.spawn_robot(name, body, start, **options)
     else:
-        world.spawn(name, body, mass, start)
+        world.spawn(name, body, mass, start, **options)
 
 
 def end_of(

@@ -4,6 +4,7 @@ import math
 
 from smartmesh_ros import BodyState, HeightMap, World
 from smartmesh_ros.scenes.tracks import robot_file
+from tests.bodies import yaw_of
 from tests.grounds import shaped, world_of
 
 NAME = "machine"
@@ -45,5 +46,4 @@ def speed(world: World) -> float:
 
 
 def yaw(world: World) -> float:
-    x, y, z, w = world.state(NAME).orientation
-    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return yaw_of(world.state(NAME).orientation)

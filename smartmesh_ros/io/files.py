@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,13 @@ GEOREFERENCED = (".tif", ".tiff", ".asc")
 KINDS = (".npy", ".png", *GEOREFERENCED)
 
 
+def expanded(path: str | Path) -> Path:
+    """Return a path in which ``~`` is a user's home; as it is if there is no such user."""
+    with suppress(RuntimeError):
+        return Path(path).expanduser()
+    return Path(path)
+
+
 def load(path: str | Path, config: RasterConfig | None = None, max_samples: int = 64_000_000) -> Raster:
     """Return the surface in a file.
 
@@ -25,7 +33,7 @@ def load(path: str | Path, config: RasterConfig | None = None, max_samples: int 
     and ESRI ASCII files contain their position, resolution, units and no-data value, and need rasterio. The size is
     checked before the values are read. Raises `InputError`.
     """
-    path, config = Path(path).expanduser(), config or RasterConfig()
+    path, config = expanded(path), config or RasterConfig()
     if path.suffix.lower() not in KINDS:
         raise InputError("file", f"{path} has an unknown file type; terrain files end in {', '.join(KINDS)}")
     if not path.is_file():

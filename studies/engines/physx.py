@@ -2,7 +2,6 @@
 SAPIEN's loader."""
 
 import math
-import tempfile
 import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
@@ -14,6 +13,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.trimesh import grid_triangles
 from studies.engines.engine import Contacts, Engine, EngineBody, GroundSetup, Links, Setup, Simulation
 from studies.robots.robot import FRICTION, SERVO, RobotEngine, RobotSetup
+from studies.robots.urdf import as_file
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # about pictures, which are not wanted here
@@ -170,11 +170,9 @@ class PhysxRobots(PhysxGround, RobotEngine):
         loader = self.scene.create_urdf_loader()
         loader.fix_root_link = False
         loader.set_material(FRICTION, FRICTION, 0.0)
-        with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file, warnings.catch_warnings():
+        with as_file(setup.text) as path, warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            file.write(setup.text)
-            file.flush()
-            robot = loader.load(file.name)
+            robot = loader.load(path)
         if not sleeps:
             robot.sleep_threshold = 0.0
         for link in robot.links:

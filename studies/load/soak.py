@@ -4,7 +4,6 @@ Maps are resized, bodies spawned and removed, settings changed, sources killed a
 mixed in. Sampled once a second: memory, file descriptors, real-time factor, and the latency of a service call.
 """
 
-import argparse
 from collections import Counter, defaultdict
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -22,6 +21,7 @@ from smartmesh_msgs.msg import Heightmap, HeightmapUpdate, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBody
 from visualization_msgs.msg import MarkerArray
 
+from smartmesh_ros.startup.arguments import Parser, number
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.tools.demo.demo import SHAPES
 from smartmesh_ros.tools.testing.process import Process
@@ -176,8 +176,8 @@ def run(minutes: float) -> dict[str, Any]:
 
 def main(args: list[str] | None = None) -> None:
     """Runs the soak."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--minutes", type=float, default=10.0, help="how long; 120 = the long form")
+    parser = Parser(description=__doc__)
+    parser.add_argument("--minutes", type=number(float, 1.0, 1e5), default=10.0, help="how long; 120 = the long form")
     parser.add_argument("--document", action="store_true", help="write the table and the picture of the docs")
     options = parser.parse_args(args)
     use_large_message_profile()

@@ -16,7 +16,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from studies.matrix.arena import Arena, Heights, Method, Row, deepest, off
 from studies.matrix.still_ground import sinks
-from studies.soil.vehicles import joint_of, link_of
+from studies.robots.urdf import joint_of, link_of
 
 SLOPE = 0.3  # [-], less than the friction of 0.5
 

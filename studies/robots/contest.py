@@ -5,7 +5,6 @@ The ground is a prism below each triangle of the main mesh; a link is the shapes
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from tempfile import NamedTemporaryFile
 from typing import Any, ClassVar
 
 import coal
@@ -23,6 +22,7 @@ from studies.engines.bullet import corrected_share
 from studies.engines.smartmesh import WorldRobots
 from studies.report.config import ReportConfig
 from studies.robots.robot import STARTS, RobotEngine, RobotScene, RobotSetup, setup_of
+from studies.robots.urdf import as_file
 
 # Depth of the prisms [m]: deeper than any link sinks.
 THICK = 1.0
@@ -214,10 +214,8 @@ def shapes_of(text: str, *, prisms: bool) -> Mapping[str, list[Part]]:
     sides."""
     client = BulletClient(pb.DIRECT)
     try:
-        with NamedTemporaryFile("w", suffix=".urdf") as file:
-            file.write(text)
-            file.flush()
-            uid = client.loadURDF(file.name, flags=0 if prisms else pb.URDF_USE_IMPLICIT_CYLINDER)
+        with as_file(text) as path:
+            uid = client.loadURDF(path, flags=0 if prisms else pb.URDF_USE_IMPLICIT_CYLINDER)
         links = [link for link in range(-1, client.getNumJoints(uid)) if client.getCollisionShapeData(uid, link)]
         root = client.getBodyInfo(uid)[0]
         names = [(root if link < 0 else client.getJointInfo(uid, link)[12]).decode() for link in links]

@@ -19,6 +19,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.evaluation.distance import Surface
 from smartmesh_ros.world.robots.description import is_text
 from studies.engines.engine import GroundSetup, Simulation
+from studies.robots.urdf import link_of, rover
 
 DATA = Path(pybullet_data.getDataPath())
 
@@ -71,8 +72,7 @@ def trot_at(time: float) -> Mapping[str, float]:
 
 WHEELS = ("front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel")
 _STANCE = {joint: position for leg in PHASES for joint, position in laikago_leg(leg, 0.0, LAIKAGO_KNEE).items()}
-_ROVER = str(Path(__file__).with_name("rover.urdf"))
-ROVER = Robot(name="rover", urdf=_ROVER, height=0.12, wheels=WHEELS, speed=5.0)
+ROVER = Robot(name="rover", urdf=rover(WHEELS), height=0.12, wheels=WHEELS, speed=5.0)
 HUSKY = Robot(name="husky", urdf=f"{DATA}/husky/husky.urdf", height=0.0, wheels=WHEELS, speed=5.0, reach=0.5)
 LAIKAGO = Robot(name="laikago", urdf=f"{DATA}/laikago/laikago_toes_zup.urdf", height=0.497, stance=_STANCE)
 RACECAR = Robot(
@@ -133,10 +133,6 @@ class RobotEngine(Simulation):
 
 # Mass of links whose description gives none [kg], balls of 0.1 m. Loaders differ: PyBullet takes 1 kg, others nothing.
 MASSLESS = 0.01
-_INERTIAL = (
-    f'<inertial><mass value="{MASSLESS:g}"/><inertia ixx="4e-05" iyy="4e-05" izz="4e-05" ixy="0" ixz="0" iyz="0"/>'
-    "</inertial>"
-)
 # What a file of husky has kept of its macros: the value of an environment variable, or what stands behind its name.
 _OPTIONAL = re.compile(r"\$\(optenv \w+ ([^)]*)\)")
 
@@ -155,7 +151,7 @@ def prepared(urdf: str) -> str:
             for part in link.findall(tag):
                 link.remove(part)
         if link.find("inertial") is None:
-            link.append(ET.fromstring(_INERTIAL))
+            link.append(ET.fromstring(link_of("massless", MASSLESS, (4e-5, 4e-5, 4e-5)))[0])
     for part in root.iter():
         for name, value in part.attrib.items():
             part.set(name, _OPTIONAL.sub(r"\1", value))

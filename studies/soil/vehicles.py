@@ -1,9 +1,7 @@
 """Boxes and carts on `Soil` in PyBullet, and a wheel whose slip is forced, as in a single-wheel test bed."""
 
 import math
-import tempfile
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +11,7 @@ from pybullet_utils.bullet_client import BulletClient
 from smartmesh_ros import BodyState, Ground, HeightMap, PhysicsConfig, Soil, SoilType, World, WorldConfig
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
+from studies.robots.urdf import as_file, joint_of, link_of
 from studies.soil.trials import Wheel, WheelForces
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
@@ -51,23 +50,6 @@ class Cart:
 
 # About a Clearpath Warthog.
 WARTHOG = Cart(radius=0.3, width=0.22, mass=268.0, wheel_mass=20.0, base=0.9, track=1.1)
-
-
-def link_of(name: str, mass: float, inertia: tuple[float, float, float], collision: str = "") -> str:
-    """Return a link of a robot description, with a ``mass`` [kg] and moments of ``inertia`` [kg m^2]."""
-    x, y, z = inertia
-    return (
-        f'<link name="{name}"><inertial><mass value="{mass}"/><inertia ixx="{x}" iyy="{y}" izz="{z}" ixy="0" ixz="0" '
-        f'iyz="0"/></inertial>{collision}</link>'
-    )
-
-
-def joint_of(name: str, parent: str, child: str, axis: str, more: str = "", kind: str = "continuous") -> str:
-    """Return a joint of a robot description, with ``more`` elements."""
-    return (
-        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/><axis xyz="{axis}"/>'
-        f"{more}</joint>"
-    )
 
 
 def _wheel_link(name: str, mass: float, radius: float, width: float) -> str:
@@ -187,12 +169,10 @@ def roll(
     grid, way = 0.01, 0.2
     shape = (round((wheel.width + 0.12) / grid) + 1, round((way + 0.4 + 4.0 * wheel.radius) / grid) + 1)
     ground = Ground(client, HeightMap(np.zeros(shape), resolution=grid))
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "rig.urdf"
-        file.write_text(_rig_urdf(wheel))
+    with as_file(_rig_urdf(wheel)) as path:
         place = (0.1 + 2.0 * wheel.radius, 0.5 * grid * (shape[0] - 1), wheel.radius)
         flags = pb.URDF_USE_INERTIA_FROM_FILE | (pb.URDF_USE_IMPLICIT_CYLINDER if implicit else 0)
-        rig = client.loadURDF(str(file), place, useFixedBase=True, flags=flags)
+        rig = client.loadURDF(path, place, useFixedBase=True, flags=flags)
     slide, lift, axle = range(3)
     for joint in (slide, lift, axle):
         client.setJointMotorControl2(rig, joint, pb.VELOCITY_CONTROL, force=0.0)

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from smartmesh_ros import HeightMap
 from smartmesh_ros.core import _core
-from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from tests.terrain.surfaces import facet_distances, triangles_of
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+from tests.terrain.surfaces import facet_distances, mesh_of, triangles_of
 
 IDENTITY = coal.Transform3s(np.eye(3), np.zeros(3))
 # Sides of the polygon that stands for a circle where coal gives cylinders no depth [-]. Its error is 0.1 mm at a radius
@@ -156,13 +156,12 @@ class Ground:
     @cached_property
     def mesh(self) -> TriangleMesh:
         """The same ground as a mesh."""
-        return TriangleMesh(self.points, grid_triangles(*self.heights.shape))
+        return mesh_of(self.heightmap)
 
     @cached_property
     def points(self) -> np.ndarray:
         """Samples (rows * columns, 3) [m]."""
-        places = self.heightmap.geometry.to_world(*np.indices(self.heights.shape))
-        return np.concatenate([places, self.heights[..., None].astype(np.float64)], axis=-1).reshape(-1, 3)
+        return self.mesh.vertices
 
     @cached_property
     def corners(self) -> np.ndarray:

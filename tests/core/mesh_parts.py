@@ -5,6 +5,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from smartmesh_ros.terrain.trimesh import grid_triangles
+
 Heights = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 Parts = tuple[NDArray[np.float64], NDArray[np.int64]]
 
@@ -41,10 +43,7 @@ def sheet(size: float, cells: int, height: Heights | None = None) -> Parts:
     """Return a square open surface of ``size`` [m] around the origin, of cells x cells squares cut as height maps."""
     x, y = np.meshgrid(*[np.linspace(-size / 2, size / 2, cells + 1)] * 2)
     z = np.zeros_like(x) if height is None else height(x, y)
-    i = np.arange(x.size).reshape(x.shape)
-    a, b, c, d = i[:-1, :-1].ravel(), i[:-1, 1:].ravel(), i[1:, 1:].ravel(), i[1:, :-1].ravel()
-    triangles = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
-    return np.stack([x, y, z], -1).reshape(-1, 3), triangles
+    return np.stack([x, y, z], -1).reshape(-1, 3), grid_triangles(cells + 1, cells + 1)
 
 
 def stairs(steps: int, rise: float, tread: float) -> Parts:

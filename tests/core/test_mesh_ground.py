@@ -14,7 +14,7 @@ from tests.bodies import LYING, UPRIGHT, Turn, about_z, rotation
 from tests.core import mesh_parts
 from tests.core.contact_cases import random_case, random_ground
 from tests.grounds import level, terrain_of
-from tests.terrain.surfaces import distances, triangles_of
+from tests.terrain.surfaces import distances, mesh_of, triangles_of
 
 STEP = 1.0 / 240.0
 BALL, BOX, CYLINDER, CAPSULE = (
@@ -37,7 +37,7 @@ STILL: Vector = (0.0, 0.0, 0.0)
 
 
 class GroundWorld(World):
-    """Bodies of 1 kg that never sleep, and are not put back onto the ground."""
+    """Bodies of 1 kg that never sleep."""
 
     def __init__(self, ground: MainMesh | Terrain, step: float = STEP) -> None:
         super().__init__(ground, WorldConfig(physics=PhysicsConfig(rate=1.0 / step, sleep=False)))
@@ -107,10 +107,8 @@ def test_bodies_rest_on_a_table_and_under_it_as_the_ground_says(thickness: float
 def rough(kind: type, rng: np.random.Generator, scale: float, size: int) -> HeightMap | TriangleMesh:
     """White noise in cells of 0.1 m."""
     side = 10 * size + 1
-    heights = rng.normal(scale=scale, size=(side, side)).astype(np.float32)
-    if kind is HeightMap:
-        return HeightMap(heights, resolution=0.1, origin=(-0.5 * size, -0.5 * size))
-    return TriangleMesh(*mesh_parts.sheet(size, 10 * size, lambda x, y: heights.astype(np.float64)))
+    ground = HeightMap(rng.normal(scale=scale, size=(side, side)), resolution=0.1, origin=(-0.5 * size, -0.5 * size))
+    return ground if kind is HeightMap else mesh_of(ground)
 
 
 @pytest.mark.parametrize("kind", [HeightMap, TriangleMesh])

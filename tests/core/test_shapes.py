@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros.core import CORE
 from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.world.robots.hull_vertices import MOST_OUTSIDE, fewer_vertices
 from tests.bodies import lowest_of, random_turn, rotation
@@ -56,17 +55,6 @@ def test_few_vertices_of_a_disc_hold_the_others() -> None:
     kept = fewer_vertices(np.column_stack([np.cos(angles), np.sin(angles), 0.0 * angles]), 8)
     around = np.sort(np.arctan2(kept[:, 1], kept[:, 0]))
     assert 1.0 - np.cos(0.5 * np.diff(around).max()) <= MOST_OUTSIDE
-
-
-@examples(50)
-@given(seeds)
-def test_distances_from_a_hull_are_those_of_coal(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    kept, points = rng.normal(size=(int(rng.integers(4, 30)), 3)), rng.normal(scale=1.5, size=(20, 3))
-    found = CORE.distances_outside(kept, points)
-    for point, away in zip(points, found, strict=True):
-        true = distance(coal.Sphere(1e-9), coal.Transform3s(np.eye(3), point), coal_hull(kept), IDENTITY)
-        assert away == pytest.approx(max(true, 0.0), abs=1e-5)
 
 
 @examples(100)

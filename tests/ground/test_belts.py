@@ -8,7 +8,7 @@ import pytest
 
 from smartmesh_ros import BodyState, Box, GridGeometry, HeightMap, Terrain, World
 from smartmesh_ros.ground.shapes import Shape
-from tests.bodies import about_z, rotation
+from tests.bodies import about_z, rotation, yaw_of
 from tests.grounds import add
 from tests.urdfs import link, robot
 
@@ -102,26 +102,21 @@ def test_ground_that_turns_has_the_box_on_it_with_the_velocity_of_its_place(
     found = ride(place, 3.0, (start, 0.0), maps)(3.0)
     there = (x + start * math.cos(yaw), y + start * math.sin(yaw), 0.1)
     assert found.position == pytest.approx(there, abs=0.1 if beside else 0.06)
-    assert 2.0 * math.atan2(found.orientation[2], found.orientation[3]) == pytest.approx(yaw, abs=0.06)
+    assert yaw_of(found.orientation) == pytest.approx(yaw, abs=0.06)
     arm = found.position[0], found.position[1] - beside
     assert found.linear == pytest.approx((-spin * arm[1], spin * arm[0], 0.0), abs=0.02)
 
 
-@pytest.mark.parametrize("maps", [20, 60, 240])
-def test_a_box_does_not_creep_on_a_map_that_turns(maps: int) -> None:
-    """A metre off the axis, in the two seconds after the one in which it was taken along."""
-    found = ride(lambda time: (0.0, 0.0, time), 3.0, (1.0, 0.0), maps)
+@pytest.mark.parametrize(
+    ("body", "start", "maps", "share", "error"),
+    [*((BOX, (1.0, 0.0), maps, 0.2, 2e-5) for maps in (20, 60, 240)), (ROBOT, (0.513, 0.028), 60, 0.0, 2e-3)],
+)
+def test_what_was_taken_along_by_a_map_that_turns_does_not_creep(
+    body: Shape | str, start: tuple[float, float], maps: int, share: float, error: float
+) -> None:
+    """In the two seconds after the first one. Friction of a robot aims at the proxy's velocity if PyBullet's
+    `frictionERP` is zero, which is that of the ground there and not of the samples around."""
+    found = ride(lambda time: (0.0, 0.0, time), 3.0, start, maps, body=body, share=share)
     begin, end = (rotation(about_z(time)).T @ found(time).position for time in (1.0, 3.0))
-    assert end == pytest.approx(begin, abs=2e-5)
-
-
-def test_a_robot_turns_with_a_map_if_friction_erp_is_zero() -> None:
-    found = ride(lambda time: (0.0, 0.0, time), 1.0, (0.5, 0.0), body=ROBOT, share=0.0)(1.0)
-    assert found.angular == pytest.approx((0.0, 0.0, 1.0), abs=1e-3)
-
-
-def test_a_robot_does_not_creep_on_a_map_that_turns_if_friction_erp_is_zero() -> None:
-    """Its friction aims at the proxy's velocity, which is that of the ground there and not of the samples around."""
-    found = ride(lambda time: (0.0, 0.0, time), 3.0, (0.513, 0.028), body=ROBOT, share=0.0)
-    begin, end = (rotation(about_z(time)).T @ found(time).position for time in (1.0, 3.0))
-    assert end == pytest.approx(begin, abs=2e-3)
+    assert end == pytest.approx(begin, abs=error)
+    assert found(3.0).angular == pytest.approx((0.0, 0.0, 1.0), abs=1e-3)

@@ -1,5 +1,6 @@
 """Shapes read from PyBullet hold what PyBullet collides."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,11 +13,19 @@ from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.ground.body_shapes import read_shapes
 from tests.bodies import ground_of, height, lowest_of, put, random_turn, run
 from tests.grounds import level
+from tests.urdfs import box, link, robot
 
 SHAPES = (Sphere(0.2), Box(0.2, 0.4, 0.6), Cylinder(radius=0.1, height=0.5), Capsule(radius=0.1, height=0.5))
 # By which PyBullet's loader grows the hulls of links [m].
 HULL_MARGIN = 1e-3
 FLOOR = Box(100.0, 100.0, 100.0)  # whose top is at zero
+# A link of several shapes, each at a place of its own and turned.
+SEVERAL = link(
+    "base", box((0.2, 0.4, 0.6)), at="0.3 -0.1 0.2", rpy="0.3 -0.8 1.9",
+    more='<collision><origin xyz="-0.2 0.4 0"/><geometry><sphere radius="0.15"/></geometry></collision>'
+    '<collision><origin xyz="0 -0.3 0.2" rpy="1.1 0.4 0"/><geometry><cylinder radius="0.1" length="0.4"/></geometry>'
+    "</collision>",
+)  # fmt: skip
 
 
 def test_a_hull_tells_its_vertices_about_the_middle_of_its_bounds() -> None:
@@ -49,41 +58,22 @@ def lowest_by_shape(client: Any, body: int, link: int, shape: BodyShape) -> floa
     return lowest_of(shape, np.array(found[0]), np.array(found[1]))
 
 
-def test_several_shapes_reach_as_far_as_they_do_in_bullet(client: Any) -> None:
-    rng, floor = np.random.default_rng(0), put(client, FLOOR, (0.0, 0.0, -50.0), 0.0)
-    for _ in range(10):
-        places, turns = rng.normal(scale=0.3, size=(3, 3)), np.array([random_turn(rng) for _ in range(3)])
-        form = client.createCollisionShapeArray(
-            shapeTypes=[pb.GEOM_BOX, pb.GEOM_SPHERE, pb.GEOM_CYLINDER],
-            halfExtents=[[0.1, 0.2, 0.3], [0.0] * 3, [0.0] * 3],
-            radii=[0.0, 0.15, 0.1],
-            lengths=[0.0, 0.0, 0.4],
-            collisionFramePositions=places.tolist(),
-            collisionFrameOrientations=turns.tolist(),
-        )
-        body = client.createMultiBody(1.0, form)
-        shape = read_shapes(client, body)[-1]
-        for _ in range(5):
-            client.resetBasePositionAndOrientation(body, (0.0, 0.0, 3.0), random_turn(rng))
-            lowest = lowest_by_bullet(client, body, -1, floor)
-            assert lowest - 0.02 <= lowest_by_shape(client, body, -1, shape) <= lowest + 1e-4  # its margin rounds edges
-        client.removeBody(body)
-
-
 @pytest.mark.parametrize("flags", [0, pb.URDF_USE_IMPLICIT_CYLINDER])
-@pytest.mark.parametrize("urdf", ["husky/husky", "laikago/laikago", "mini_cheetah/mini_cheetah", "a1/a1", "r2d2"])
-def test_links_reach_as_far_as_they_do_in_bullet(client: Any, urdf: str, flags: int) -> None:
-    """Wheels, hulls in frames of their own, and meshes of many parts."""
+@pytest.mark.parametrize("urdf", ["husky/husky", "laikago/laikago", "mini_cheetah/mini_cheetah", "a1/a1", "r2d2", ""])
+def test_links_reach_as_far_as_they_do_in_bullet(client: Any, tmp_path: Path, urdf: str, flags: int) -> None:
+    """Wheels, hulls in frames of their own, meshes of many parts, and several shapes."""
     rng, floor = np.random.default_rng(1), put(client, FLOOR, (0.0, 0.0, -50.0), 0.0)
-    robot = client.loadURDF(f"{pybullet_data.getDataPath()}/{urdf}.urdf", flags=flags)
-    links = {link for link in range(-1, client.getNumJoints(robot)) if client.getCollisionShapeData(robot, link)}
-    shapes = read_shapes(client, robot)
+    (tmp_path / "several.urdf").write_text(robot(SEVERAL))
+    file = f"{pybullet_data.getDataPath()}/{urdf}.urdf" if urdf else str(tmp_path / "several.urdf")
+    loaded = client.loadURDF(file, flags=flags)
+    links = {index for index in range(-1, client.getNumJoints(loaded)) if client.getCollisionShapeData(loaded, index)}
+    shapes = read_shapes(client, loaded)
     assert shapes.keys() == links
     for _ in range(6):
-        client.resetBasePositionAndOrientation(robot, (0.0, 0.0, 3.0), random_turn(rng))
-        for link, shape in shapes.items():
-            lowest = lowest_by_bullet(client, robot, link, floor)
-            assert lowest_by_shape(client, robot, link, shape) == pytest.approx(lowest, abs=HULL_MARGIN)
+        client.resetBasePositionAndOrientation(loaded, (0.0, 0.0, 3.0), random_turn(rng))
+        for index, shape in shapes.items():
+            lowest = lowest_by_bullet(client, loaded, index, floor)
+            assert lowest_by_shape(client, loaded, index, shape) == pytest.approx(lowest, abs=HULL_MARGIN)
 
 
 def test_a_margin_that_changes_after_the_first_contact_counts(client: Any) -> None:

@@ -16,7 +16,7 @@ from smartmesh_ros.core import CORE
 from smartmesh_ros.ground import layout_probe
 from smartmesh_ros.terrain.motion import MotionConfig
 from tests.bodies import ground_of, height, put
-from tests.clients import Client, by_steps, in_real_time, run
+from tests.ground.scene import Client, by_steps, in_real_time, run
 from tests.grounds import level
 
 DT = 1.0 / 240.0

@@ -207,7 +207,6 @@ def test_what_is_no_deck_is_refused() -> None:
         lambda: deck.move((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 2.0), time=2.0),
         lambda: deck.move((0.0, 0.0, 0.0), time=0.5),
         lambda: deck.move((0.0, 0.0, 0.0), time=2.0, velocity=(1.0, 0.0, 0.0)),
-        lambda: Deck(a_map(), thickness=-1.0),
         lambda: terrain.put("", deck),
         lambda: terrain.deck("deck"),
     ):

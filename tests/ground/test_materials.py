@@ -1,6 +1,7 @@
-"""Ground that gives by its contact, rebound and rolling resistance by place, by closed forms."""
+"""Ground that gives by its contact, rebound and rolling resistance by place, and bodies that give, by closed forms."""
 
 import math
+from contextlib import closing
 from dataclasses import replace
 from typing import Any
 
@@ -11,10 +12,12 @@ import pytest
 from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, InputError, Material, Sphere, World
 from smartmesh_ros.ground.shapes import Capsule, Shape
 from tests.bodies import LYING, UPRIGHT, about_z, ground_of, height, put, run
-from tests.grounds import end_of, shaped, world_of
+from tests.grounds import end_of, level, shaped, world_of
+from tests.urdfs import link, robot
 
 GRAVITY, MASS, STIFFNESS = 9.81, 20.0, 2e5
-RADIUS, LENGTH = 0.2, 0.3
+RADIUS, LENGTH, SMALL = 0.2, 0.3, 0.1
+RATES = [60.0, 240.0, 960.0]
 
 
 MAT = Material(stiffness=STIFFNESS, damping=2e4)
@@ -62,7 +65,7 @@ def depth_of(volume: Any) -> float:
     return low
 
 
-@pytest.mark.parametrize("rate", [60.0, 240.0, 960.0])
+@pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize(("shape", "orientation", "above", "volume"), SHAPES)
 def test_a_body_at_rest_sinks_until_the_pressures_carry_it(
     shape: Shape, orientation: Any, above: float, volume: Any, rate: float
@@ -121,7 +124,7 @@ def test_what_falls_rebounds_by_the_product_of_both_coefficients(ground: float, 
         assert max(rising, default=0.0) == pytest.approx((ground * own) ** 2, rel=0.04, abs=1e-3)
 
 
-@pytest.mark.parametrize("rate", [60.0, 240.0, 960.0])
+@pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize(
     ("shape", "orientation", "inertia"),
     [(Sphere(RADIUS), UPRIGHT, 0.4), (Cylinder(height=LENGTH, radius=RADIUS), LYING, 0.5)], ids=["ball", "wheel"],
@@ -190,6 +193,42 @@ def test_a_mat_beside_hard_ground() -> None:
         world.step(480)
         assert 0.05 - world.state("west").position[2] == pytest.approx(MASS * GRAVITY / (0.24 * STIFFNESS), rel=0.02)
         assert abs(0.05 - world.state("east").position[2]) < 1e-4
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("is_rigid", [False, True])
+@pytest.mark.parametrize("rise", [0.0, 0.5])
+def test_a_soft_body_sinks_by_weight_over_stiffness_and_as_its_damping_says(
+    client: Any, rate: float, is_rigid: bool, rise: float
+) -> None:
+    """Also into ground that rises [m/s], and deeper than what Bullet corrects apart from forces."""
+    client.setTimeStep(1.0 / rate)
+    for stiffness, share in ((10000.0, 0.1), (150.0, 1.5)):
+        surface, start, first = level(), 1.0 / 60.0, rise / 60.0
+        surface.replace(np.full(surface.heights.shape, first), time=start)
+        ball = put(client, Sphere(SMALL), (0.01, 0.02, SMALL + first), useMaximalCoordinates=is_rigid)
+        damping = share * stiffness
+        client.changeDynamics(ball, -1, contactStiffness=stiffness, contactDamping=damping, linearDamping=0.0)
+        client.resetBaseVelocity(ball, (0.0, 0.0, rise))
+        sunk = []
+        with closing(ground_of(client, surface, ball)) as ground:
+            for step in range(round(4.0 * share * rate)):
+                time = start + step / rate
+                if step * 60 % rate < 60:
+                    surface.replace(np.full(surface.heights.shape, rise * time), time=time)
+                ground.step(time, 1.0 / rate)
+                sunk.append(SMALL + rise * (time + 1.0 / rate) - height(client, ball))
+        client.removeBody(ball)
+        times, rest = np.arange(1, len(sunk) + 1) / rate, GRAVITY / stiffness
+        law = rest * (1.0 - np.exp(-times / share))  # the inertia of the ball hardly counts
+        error = 0.01 + 0.5 / (rate * share)  # of the implicit Euler method
+        assert sunk == pytest.approx(law.tolist(), abs=error * rest)
+
+
+def test_a_robots_foot_is_as_soft_as_its_description_says() -> None:
+    contact = '<contact><stiffness value="2000"/><damping value="200"/></contact>'
+    end = end_of(level(), robot(link("foot", mass=2.0, more=contact)), BodyState((0.0, 0.0, SMALL)), 480)
+    assert SMALL - end.position[2] == pytest.approx(2.0 * GRAVITY / 2000.0, abs=2e-5)
 
 
 @pytest.mark.parametrize(

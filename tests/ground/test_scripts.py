@@ -25,7 +25,6 @@ from smartmesh_ros import (
     WorldConfig,
 )
 from smartmesh_ros.ground.config import SleepConfig
-from smartmesh_ros.ground.shapes import Hull
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.world.settings import FallConfig, GuestConfig
@@ -61,40 +60,22 @@ def test_a_client_may_be_a_number_and_its_ground_is_told_from_other_bodies(clien
     assert not ground.is_ground(touched)
 
 
-def worlds() -> Iterator[tuple[Callable[[int], Any], str]]:
-    """Calls of a world that are wrong, and words of the refusals."""
-
-    def of(call: Callable[[World], Any]) -> Callable[[int], Any]:
-        def act(_: int) -> Any:
-            with World(level()) as world:
-                return call(world)
-
-        return act
-
-    shapes = "pass Sphere, Box, Cylinder or Capsule"
-    for shape in ("ball", None, 0.2, Hull(((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)))):
-        yield of(lambda w, shape=shape: w.spawn("it", shape, 1.0)), shapes
-    yield of(lambda w: w.spawn("it", Sphere(0.1), "heavy")), "mass of 'it' is heavy kg"
-    yield of(lambda w: w.spawn("it", Sphere(0.1), 1.0, (0.0, 0.0, 1.0))), "pass BodyState(position, ...)"
-    yield of(lambda w: w.spawn("it", Sphere(0.1), 1.0, on_ground=True, clearance="some")), "clearance is some m"
-    yield of(lambda w: w.spawn(5, Sphere(0.1), 1.0)), "5 cannot name a body"
-    yield of(lambda w: w.track("it", "ball", BodyState())), "radius of the sphere is ball m"
-    yield of(lambda w: w.spawn_robot("it", 5)), "type int; pass the text or the path of a URDF"
-    yield of(lambda w: w.command("it", "wheel", 3.0)), "no body 'it'"
-    yield of(lambda w: w.configure(PhysicsConfig())), "pass WorldConfig(physics="
-    yield of(lambda w: w.reset(seed=0.5)), "whole number"
-    yield of(lambda w: w.step(-1)), "-1 steps; ask for 0 or more"
-    yield of(lambda w: w.restore(None)), "the saved state is None; pass its bytes or its file"
+def settings() -> Iterator[tuple[Callable[[int], Any], str]]:
+    """Settings and states that are wrong, and words of the refusals."""
     yield (lambda c: World(level(), PhysicsConfig())), "pass WorldConfig(physics="
     yield (lambda c: WorldConfig(physics=None)), "physics of a world is None; pass PhysicsConfig(...)"
     yield (lambda c: PhysicsConfig(gravity=9.81)), "gravity is 9.81; it must be three"
     for name, value in {"rate": "fast", "gravity": (0.0, np.nan, 0.0), "restitution": 1.5, "friction": -0.1}.items():
         yield (lambda c, name=name, value=value: PhysicsConfig(**{name: value})), name
-    yield (lambda c: PhysicsConfig(rate=0.0)), "rate is 0.0 Hz"
     yield (lambda c: JointCommand(velocity="3")), "velocity 3; it must be finite"
-    for position in ((1.0, 0.0), "up", None, 1.0, (0.0, 0.0, None)):
+    for position in ((1.0, 0.0), "up", (0.0, 0.0, None)):
         yield (lambda c, position=position: BodyState(position)), "it must be 3 numbers"
     yield (lambda c: BodyState((0.0, 0.0, 1.0), (0.0, 0.0, 1.0))), "it must be 4 numbers"
+    yield (lambda c: SleepConfig(after=-1.0)), "after of sleep is -1.0; it must be zero"
+    yield (lambda c: FallConfig(period=np.nan)), "period of falls is nan"
+    yield (lambda c: FallConfig(depth="deep")), "depth is deep m"
+    yield (lambda c: GuestConfig(settle=-0.1)), "settle of guests is -0.1"
+    yield (lambda c: GuestConfig(margin="wide")), "margin of guests is wide m"
 
 
 def times() -> Iterator[Callable[[int], Any]]:
@@ -119,10 +100,7 @@ def times() -> Iterator[Callable[[int], Any]]:
         (lambda c: Terrain().put("a", None), "type NoneType; pass HeightMap(heights"),
         (lambda c: Ground(level(), c), "the client is of type HeightMap; pass the module pybullet"),
         (lambda c: Ground(np.int64(1000), level()), "client 1000 is not connected; call pybullet.connect"),
-        (lambda c: Ground(1000, level()), "client 1000 is not connected; call pybullet.connect"),
         (lambda c: Ground(c, level()).attach(99), "no body 99; pass the number that loadURDF"),
-        (lambda c: Ground(c, level()).attach("husky"), "no body 'husky'"),
-        (lambda c: Ground(c, level()).attach([0]), "no body [0]"),
         (lambda c: Ground(c, level()).attach(float(ball_in(c))), "no body 0.0"),
         (lambda c: Ground(c, level()).attach(ball_in(c), 5), "no link 5; it has -1 (the base) alone"),
         (lambda c: Ground(c, level()).attach(ball_in(c), -1.0), "no link -1.0"),
@@ -131,10 +109,6 @@ def times() -> Iterator[Callable[[int], Any]]:
             "a shape and a radius; give eit",
         ),
         (lambda c: Ground(c, level()).attach(ball_in(c), shape="ball"), "pass Sphere, Box, Cylinder or Capsule"),
-        (
-            lambda c: Ground(c, level()).attach(ball_in(c), radius="large"),
-            "radius of the sphere is large m; it must be",
-        ),
         *(
             (
                 lambda c, link=link: Ground(c, terrain_of(deck=Deck(level()))).carry("deck", ball_in(c), link),
@@ -142,36 +116,24 @@ def times() -> Iterator[Callable[[int], Any]]:
             )
             for link in (-2, 0, "deck")
         ),
-        (lambda c: World(None, WorldConfig(sleep=SleepConfig(after=-1.0))), "after of sleep is -1.0; it must be zero"),
-        (lambda c: World(None, WorldConfig(sleep=SleepConfig(noise="some"))), "noise of sleep is 'some'"),
-        (lambda c: World(None, WorldConfig(falls=FallConfig(period=np.nan))), "period of falls is nan"),
-        (lambda c: World(None, WorldConfig(falls=FallConfig(depth="deep"))), "depth is deep m"),
-        (lambda c: World(None, WorldConfig(guests=GuestConfig(settle=-0.1))), "settle of guests is -0.1"),
-        (lambda c: World(None, WorldConfig(guests=GuestConfig(margin="wide"))), "margin of guests is wide m"),
         (lambda c: [g := Ground(c, level()), g.attach(g.attach(ball_in(c)).collider)], "is a piece of this ground"),
         (lambda c: HeightMap(np.zeros((5, 5))), "resolution is missing; pass resolution="),
         (lambda c: HeightMap(np.zeros((5, 5)), resolution="fine"), "resolution is 'fine'"),
         (lambda c: HeightMap(np.zeros((5, 5)), resolution=0.1, yaw=90), "convert degrees with math.radians"),
         (lambda c: HeightMap(np.zeros((5, 5)), resolution=0.1, origin=(0, 0, 0, 1)), "must be x, y or x, y, z"),
-        (lambda c: HeightMap(np.zeros((5, 5)), resolution=0.1, origin=3.0), "origin 3.0"),
         (lambda c: HeightMap([[1.0, 2.0], [1.0]], resolution=0.1), "all rows must have the same length"),
-        (lambda c: level().replace([[1.0, 2.0], [1.0]], time=1.0), "all rows must have the same length"),
-        (lambda c: level().update_region(0, 0, [[1.0, 2.0], [1.0]], time=1.0), "all rows must have the same length"),
         (lambda c: level().at([[1.0, 2.0], [1.0]], 0.0), "all rows must have the same length"),
         (lambda c: TriangleMesh([[1.0, 2.0], [1.0]], [[0, 1, 2]]), "all rows must have the same length"),
         (lambda c: Ground(c, level()).cast_rays([[0, 0], [0]], [[0, 0, 1]], 1.0, 0.0), "same length"),
         (lambda c: level(time=5.0).replace(np.zeros((41, 41)), time=4.0), "after one of 5 s; after the time was set"),
-        (lambda c: level(time=5.0).update_region(0, 0, np.zeros((2, 2)), time=4.0), "call shift_time"),
-        (lambda c: Ground(c, level()).step(0.0, 0.01), "dt is 0.01 s, but PyBullet steps 0.0041666"),
-        (lambda c: Ground(c, level()).step(0.0, 0.01), "s; call setTimeStep(0.01)"),
+        (lambda c: Ground(c, level()).step(0.0, 0.01), "steps 0.004166666666666667 s; call setTimeStep(0.01)"),
         (lambda c: Ground(c, level()).set_soil("clay"), "pass Soil(ground.terrain, ...)"),
         (lambda c: Ground(c, level()).let_sleep(True), "pass SleepConfig(...), or None"),
         (lambda c: [g := Ground(c, level()), g.attach(b := ball_in(c)), g.drive(b, -1, None, 1.0)], "three numbers"),
         (lambda c: Ground(c, level()).step(0.0, None), "dt is None s"),
-        (lambda c: Ground(c, level()).show("often"), "above zero"),
-        *worlds(),
+        *settings(),
         *((call, "it must be a finite number of seconds") for call in times()),
-        *((lambda c, rate=rate: Ground(c, level()).show(rate), "above zero") for rate in (0.0, -1.0, np.nan, np.inf)),
+        *((lambda c, rate=rate: Ground(c, level()).show(rate), "above zero") for rate in (0.0, np.inf, "often")),
     ],
 )
 def test_a_wrong_call_is_told_what_would_be_right(client: int, call: Callable[[int], Any], words: str) -> None:

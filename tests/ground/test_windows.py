@@ -13,7 +13,7 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from tests.clients import Client, by_steps, in_real_time, run
+from tests.ground.scene import Client, by_steps, in_real_time, run
 from tests.ground.test_shown_ground import close_up, picture, rays
 
 Run = Callable[..., Any]

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import gc
+import re
+import subprocess
+import sys
 import tempfile
 import traceback
 from collections import Counter
@@ -34,6 +37,7 @@ from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, heightmap_message, pose_message
 from smartmesh_ros.tools.testing.replaying import replayed
 
+ROOT = Path(__file__).parents[2]
 LISTS = {spec.name for spec in SPECS if isinstance(spec.default, list)}
 Logged = Callable[[], str]  # the fixture `logged`
 BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
@@ -270,6 +274,21 @@ def told(run: Replay, task: str) -> dict[str, str]:
     """Values of a task in the newest diagnostics of a replay that keeps them, and the task's ``message``."""
     [found] = [status for status in run.received("/diagnostics")[-1].status if status.name.endswith(f": {task}")]
     return {pair.key: pair.value for pair in found.values} | {"message": found.message}
+
+
+def blocks(page: str, language: str) -> list[str]:
+    """The blocks of code of a page in a language."""
+    return re.findall(rf"```{language}\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)
+
+
+@contextmanager
+def running(program: str) -> Iterator[None]:
+    """A program in Python that runs for the length of the block."""
+    with subprocess.Popen([sys.executable, "-c", program]) as process:
+        try:
+            yield
+        finally:
+            process.kill()
 
 
 def wait_until(condition: Callable[[], object]) -> None:

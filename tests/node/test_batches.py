@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 
-from smartmesh_ros import HeightMap, Terrain, World
+from smartmesh_ros import Terrain, World
 from smartmesh_ros.node.inputs.conversions import shape_of_primitive, state_from
 from smartmesh_ros.node.services.turns import NextTurn, Turns, Work
 from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
@@ -30,25 +29,15 @@ def specification(index: int, **changes: Any) -> BodySpecification:
     return BodySpecification(**{"id": f"body_{index}", "mass": 1.0, "shape": BALL, "pose": pose, **changes})
 
 
-def test_shapes_are_put_onto_the_ground() -> None:
-    """Each stands as `World.spawn` puts it."""
-    rows, columns = np.mgrid[:81, :81]
-    ground = heightmap_message(0.2 * np.sin(0.2 * columns) + 0.01 * rows, resolution=0.25)
-    shapes = (BALL, box(0.5, 0.3, 0.2), SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.5, 0.1]))
-    bodies = [
-        specification(k, shape=shape, pose=pose_message((5.0 + 3 * k, 5.0, 0.0), 0.3 * k), **STANDING)
-        for k, shape in enumerate(shapes)
-    ]
-    with fed({}) as node, World() as other:
-        node.give("heightmap", ground)
-        heights = np.float32(ground.heights).reshape(rows.shape)
-        other.terrain.put("", HeightMap(heights, resolution=0.25))
-        assert node.call("spawn_bodies", SpawnBodies.Request(bodies=bodies)).success
-        for body in bodies:
-            state, shape = state_from(body.pose, body.twist), shape_of_primitive(body.shape)
-            other.spawn(body.id, shape, body.mass, state, **STANDING)
-            found, expected = (world.state(body.id) for world in (node.world, other))
-            assert found == expected
+def test_what_is_put_onto_the_ground_stands_as_in_a_world() -> None:
+    """Other shapes: tests/world/test_standing.py."""
+    body = specification(0, shape=box(0.5, 0.3, 0.2), pose=pose_message((1.0, 1.0, 0.0), 0.3), **STANDING)
+    state, shape = state_from(body.pose, body.twist), shape_of_primitive(body.shape)
+    with fed({}) as node, World(hills()) as other:
+        node.give("heightmap", heightmap_message(HILLS, resolution=RESOLUTION, origin=(LOW, LOW, 0.0)))
+        assert node.call("spawn_bodies", SpawnBodies.Request(bodies=[body])).success
+        other.spawn(body.id, shape, body.mass, state, **STANDING)
+        assert node.world.state(body.id) == other.state(body.id)
 
 
 def test_one_bad_body_keeps_all_out_and_every_bad_one_is_named() -> None:
@@ -94,10 +83,6 @@ def require_done(probe: Probe, service: str, kind: Any, requests: list[Any]) -> 
         assert all(future.result().success for future in futures)
 
 
-def simulated(probe: Probe) -> int:
-    return int(probe.diagnostics("bodies")["simulated"])
-
-
 def test_a_thousand_bodies_come_and_go_by_one_call_and_by_two_hundred_in_flight_each_of_which_is_answered(
     shared: Probe,
 ) -> None:
@@ -112,7 +97,7 @@ def test_a_thousand_bodies_come_and_go_by_one_call_and_by_two_hundred_in_flight_
     assert {state.id for state in states} == {*ids}
     require_done(shared, "remove_body", RemoveBody, [RemoveBody.Request(id=body.id) for body in few])
     assert shared.call("remove_bodies", RemoveBodies, ids=ids[200:990]).success
-    shared.wait_for(lambda: simulated(shared) == 10)
+    shared.wait_for(lambda: shared.diagnostics("bodies")["simulated"] == "10")
     shared.wait_for(lambda: len(shared.patches()) == 10)
 
 
@@ -187,13 +172,3 @@ def test_answers_take_turns_and_each_is_sent_once(lengths: list[int]) -> None:
         wanted = [str(index) for index, length in enumerate(lengths) if length > round_]
         assert log[: len(wanted)] == wanted, "nobody gets two turns while another waits"
         del log[: len(wanted)]
-
-
-def test_work_that_is_given_up_ends() -> None:
-    log, turns, sent = list[str](), Turns(), list[Any]()
-    endless = work("it", 100, log)
-    turns.add(Work(endless), sent.append)
-    assert turns.advance()
-    turns.close()
-    assert not turns.advance() and not sent and log == ["it"]
-    assert endless.cr_frame is None, "closed"

@@ -42,19 +42,16 @@ def test_a_patch_is_moved_on_with_its_ground_and_grows_old(client: PatchClient) 
         client._on_bytes(serialize_message(run.received("collider_patches")[-1]))
     stamp = client.patch("left").stamp
 
-    def off(later: float) -> float:
-        """The largest distance of the patch from the plane, moved on in time [m]."""
-        x, _, z = client.patch("left", stamp + later).vertices_w.T
-        return float(np.abs(z - (rise + tilt * x) * (stamp + later)).max())
-
     patch = client.patch("left", stamp)
     assert (patch.kind, patch.stride, patch.deviation) == ("heightfield", 1, 0.0)
     assert math.prod(patch.shape) == len(patch.vertices_w) > patch.triangles.max()
     assert patch.angular_w[1] == pytest.approx(-tilt, abs=0.01)
     # Wherever it is moved to in time, it lies on the plane that rises and tilts; the control, not moved, does not.
     for later in (0.0, 0.05, 0.2):
-        assert off(later) < 0.008
-        assert client.patch("left", stamp + later).age == pytest.approx(later, abs=1e-6)
+        moved = client.patch("left", stamp + later)
+        x, _, z = moved.vertices_w.T
+        assert np.abs(z - (rise + tilt * x) * (stamp + later)).max() < 0.008
+        assert moved.age == pytest.approx(later, abs=1e-6)
     x, _, z = patch.vertices_w.T
     assert np.abs(z - (rise + tilt * x) * (stamp + 0.2)).min() > 0.08
     # Not without end: a node that stands still, or has ended.

@@ -11,9 +11,11 @@ from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from smartmesh_msgs.msg import Heightmap, TrackedBody, TrackedBodyArray
+from std_srvs.srv import SetBool
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros import BodyState, Sphere
+from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.demo.terrain_source import TerrainSource
 from smartmesh_ros.tools.testing import COLLIDER, Probe, heightmap_message
 from smartmesh_ros.world.joints import JointCommand
@@ -28,10 +30,6 @@ SLED = robot(
 )  # fmt: skip
 
 
-def stamp_of(time: float) -> Time:
-    return Time(sec=int(time), nanosec=int(time % 1.0 * 1e9))
-
-
 def fallen(message: Any) -> float:
     """Seconds that the ball of a ``body_states`` message has fallen for."""
     return float((2.0 * (HEIGHT - message.bodies[0].pose.position.z) / GRAVITY) ** 0.5)
@@ -42,22 +40,6 @@ def set_clock(node: Fed, time: float) -> None:
     node.node._time_source.clock_callback(Clock(clock=stamp_of(time)))
     while node.node.pacer.remaining() <= 0.0:
         node.node.tick(node.node.pacer.advance())
-
-
-def test_with_use_sim_time_the_physics_follows_the_clock() -> None:
-    """In bursts, as its messages come. Over DDS: test_fleet.py."""
-    with fed({"use_sim_time": True}) as node:
-        node.node.pacer.restart()
-        assert node.node.pacer.remaining() > 0.0, "time stands still until the clock runs"
-        set_clock(node, 5000.0)
-        # Neither the time before the first message nor the bursts that messages bring are delays.
-        for first in (5000.0, 10.0):  # a simulator that starts anew sets its clock back; the physics goes on from there
-            set_clock(node, first)
-            before = node.world.time
-            for k in range(1, 51):
-                set_clock(node, first + 0.02 * k)
-                assert node.world.time - before == pytest.approx(0.02 * k, abs=3 * STEP)
-        assert node.node.pacer.misses == 0
 
 
 def test_a_clock_at_the_last_stamp_that_there_is_ends_no_node() -> None:
@@ -103,7 +85,8 @@ def test_maps_that_overtake_the_clock_of_their_tick_keep_the_velocity_of_the_gro
 
 @pytest.mark.parametrize(("interval", "rate"), [(0.001, 50.0), (0.1, 48.0)])
 def test_each_state_has_its_own_stamp_and_rates_count_simulated_time(interval: float, rate: float) -> None:
-    """What flies at 1 m/s is where its stamps say, however many steps a message of the clock releases."""
+    """What flies at 1 m/s is where its stamps say, however many steps a message of the clock releases. Such a burst is
+    no delay."""
     parameters = {
         "use_sim_time": True, "physics.gravity": [0.0, 0.0, 0.0], "publish.body_states": rate, "publish.tf": 20.0,
     }  # fmt: skip
@@ -113,6 +96,7 @@ def test_each_state_has_its_own_stamp_and_rates_count_simulated_time(interval: f
         run.world.move("sled", BodyState((0.0, 0.0, 2.0), linear=(1.0, 0.0, 0.0)))
         run.world.command("sled", "j", JointCommand(velocity=0.5))
         run.run()
+        assert run.collider.pacer.misses == 0
 
         def require(found: list[tuple[Any, float]], speed: float, rate: float) -> None:
             """Stamps and places along x."""
@@ -216,14 +200,20 @@ def test_nothing_of_before_stays_when_the_clock_goes_back(straggles: bool) -> No
         assert node.world.terrain.tiles[""].version == updates + 30
 
 
-def test_clock_is_simulated_time_and_so_are_the_stamps() -> None:
+def test_clock_is_simulated_time_and_so_are_the_stamps_none_of_which_a_frame_has_twice() -> None:
+    """Also when the physics is paused: tf2 would warn."""
     spawned = f"{{id: ball, shape: sphere, size: [0.2], xyz: [0, 0, {HEIGHT}]}}"
-    with on_level({"publish.clock": 240.0, "bodies.spawn": [spawned]}, keep=["/clock", "body_states"]) as run:
+    parameters = {"publish.clock": 240.0, "publish.tf": 50.0, "bodies.spawn": [spawned]}
+    with on_level(parameters, keep=["/clock", "/tf", "body_states"]) as run:
         run.run(2.0)
         times = [seconds(message.clock) for message in run.received("/clock")]
         assert times == sorted(times) and times[0] < 1.0 and times[-1] == pytest.approx(2.0, abs=2 * STEP)
         states = run.received("body_states")
         assert [seconds(one.header.stamp) for one in states] == pytest.approx([*map(fallen, states)], abs=2 * STEP)
+        assert run.call("pause", SetBool.Request(data=True)).success
+        run.run(3.0)
+        stamps = [seconds(message.transforms[0].header.stamp) for message in run.received("/tf")]
+        assert stamps and len({*stamps}) == len(stamps)
 
 
 def test_stamps_are_of_another_clock_once_the_node_publishes_its_own() -> None:

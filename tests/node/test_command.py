@@ -186,6 +186,7 @@ def test_options_that_mean_nothing_are_named() -> None:
         assert "is no full name of a node, such as /robot/terrain_collider" in whole("--node", name, "nodes")
     assert "'-1' is no whole number from 1 to 100000" in whole("step", "-1")
     assert "'nan' is no number from 0 to inf" in whole("--timeout", "nan", "nodes")
+    assert "'inf' is no number from -1000 to 1000" in whole("spawn", "ball", "--sphere", "1", "--yaw", "inf")
 
 
 @pytest.mark.parametrize(

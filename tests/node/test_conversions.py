@@ -25,6 +25,7 @@ from smartmesh_ros.node.outputs.body_outputs import description
 from smartmesh_ros.tools.testing import heightmap_message
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.state_table import require_valid
+from tests.node.test_refusals import changed
 
 texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=12)
 floats32 = st.floats(-1e6, 1e6, width=32, allow_subnormal=False)
@@ -102,7 +103,7 @@ def test_spoilt_messages_are_refused_or_read_and_nothing_else(names: list[str], 
     ("change", "reason"),
     [
         ({"bodies": [TrackedBody(id="a"), TrackedBody(id="a")]}, "duplicate_id"),
-        *[({"bodies": [TrackedBody(id=name)]}, "empty_id") for name in ("a/b", " ", "a\nb", "\x1b[2J")],
+        *[({"bodies": [TrackedBody(id=name)]}, "empty_id") for name in ("a/b", " ", "\x1b[2J")],
         ({"bodies": [TrackedBody(id="x" * 257)]}, "name"),
         ({"bodies": [TrackedBody()] * 100_001}, "size"),
         ({"ahead": math.nan}, "non_finite"),
@@ -111,9 +112,7 @@ def test_spoilt_messages_are_refused_or_read_and_nothing_else(names: list[str], 
     ],
 )
 def test_hostile_messages_are_refused_by_reason(change: dict[str, Any], reason: str) -> None:
-    message = TrackedBodyArray(rate=240.0)
-    for name, value in change.items():
-        setattr(message, name, value)
+    message = changed(TrackedBodyArray(rate=240.0), **change)
     with pytest.raises(InputError) as refused:
         PeerReader().read(bytes(serialize_message(message)))
     assert refused.value.reason == reason

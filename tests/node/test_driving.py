@@ -1,4 +1,4 @@
-"""Bases that drive by velocities, their odometry and frames, and IMUs, over real DDS and in this process."""
+"""Bases that drive by velocities, their odometry and frames, and IMUs."""
 
 import math
 from types import SimpleNamespace
@@ -6,14 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from geometry_msgs.msg import Twist, TwistStamped, Vector3
-from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu
-from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros import BodyState, Box, HeightMap
-from smartmesh_ros.tools.testing import Probe, pose_message
 from tests import urdfs
-from tests.node.shared import fed, seconds, show_level_ground, spawn
+from tests.node.shared import fed, on_level, seconds
 from tests.node.test_robot_outputs import buffer_of
 from tests.world.test_bases import HINGES, RACECAR, REAR, UNDERCARRIAGE
 
@@ -21,65 +18,43 @@ CAR = (
     f"{{body: car, wheels: [{', '.join(REAR)}], steering: [{', '.join(HINGES)}], publish_tf: true, "
     "odom_frame: car/odom}"
 )
-SHARED = {
-    "frame_id": "map", "publish.tf": 30.0, "publish.body_states": 60.0, "bases": [CAR],
-    "imus": ["{body: husky, link: imu_link, rate: 60, gyroscope_noise_density: 0.002}", "{body: car}"],
-}  # fmt: skip
 
 
-URDFS = {"husky": urdfs.HUSKY, "car": RACECAR}
+def test_the_frame_of_a_robots_odometry_is_between_the_map_and_its_root_link() -> None:
+    """As of REP 105: the chain map, odom, root link gives the true pose, whatever the odometry drifts. How all kinds of
+    bases drive: tests/world/test_bases.py."""
+    with on_level({"publish.tf": 30.0, "bases": [CAR]}, keep=["/tf", "odom/car"]) as run:
+        run.run(0.1)
+        run.world.spawn_robot("car", RACECAR, BodyState((5.0, 5.0, 0.0)), on_ground=True)
+        for _ in range(10):
+            run.give("cmd_vel_stamped/car", TwistStamped(twist=Twist(linear=Vector3(x=0.5), angular=Vector3(z=0.4))))
+            run.run(run.time + 0.2)
+        found = run.received("odom/car")[-1]
+        assert (found.header.frame_id, found.child_frame_id) == ("car/odom", "base_link")
+        assert found.pose.pose.position.x > 0.3
+        assert (found.twist.twist.linear.x, found.twist.twist.angular.z) == pytest.approx((0.5, 0.4), abs=0.05)
+        run.run(run.time + 1.5)
+        assert abs(run.received("odom/car")[-1].twist.twist.linear.x) < 0.05
+        frames = run.received("/tf")
+        parents = {one.child_frame_id: one.header.frame_id for message in frames for one in message.transforms}
+        assert (parents["base_link"], parents["car/odom"]) == ("car/odom", "map")
+        there, _ = buffer_of(*frames).lookup("map", "base_link")
+        assert there.translation == pytest.approx(run.world.base_state("car").position, abs=1e-3)
 
 
-def standing(probe: Probe, *robots: str) -> None:
-    """Robots stand on level ground."""
-    show_level_ground(probe, 101)
-    for place, robot in enumerate(robots):
-        spawn(probe, robot, urdf=URDFS[robot], pose=pose_message((2.0, 2.0 + 2.0 * place, 0.0)), on_ground=True)
-
-
-def test_a_robot_drives_by_velocities_and_stops_without(shared: Probe) -> None:
-    """The frame of its odometry is between the map and its root link, as of REP 105: the chain map, odom, root link
-    gives the true pose, whatever the odometry drifts. How all kinds of bases drive: tests/world/test_bases.py."""
-    standing(shared, "car")
-    publisher = shared.publisher(TwistStamped, "cmd_vel_stamped/car")
-    received, truth = shared.listen("/tf", TFMessage), shared.listen("odometry", Odometry)
-    odometry = shared.listen("odom/car", Odometry)
-
-    def drives() -> bool:
-        message = TwistStamped(twist=Twist(linear=Vector3(x=0.5), angular=Vector3(z=0.4)))
-        message.header.stamp = shared.now()
-        publisher.publish(message)
-        found = shared.latest("odom/car")
-        speeds = found.twist.twist.linear.x, found.twist.twist.angular.z
-        return bool(found.pose.pose.position.x > 0.3 and np.allclose(speeds, (0.5, 0.4), atol=0.05))
-
-    shared.wait_for(drives)
-    assert (odometry[-1].header.frame_id, odometry[-1].child_frame_id) == ("car/odom", "base_link")
-    shared.wait_for(lambda: abs(shared.latest("odom/car").twist.twist.linear.x) < 0.05)
-
-    def at_rest() -> bool:
-        parents = {one.child_frame_id: one.header.frame_id for message in received for one in message.transforms}
-        [root] = [frame for frame, parent in parents.items() if parent == "car/odom"]
-        assert parents["car/odom"] == "map"
-        there, _ = buffer_of(*received).lookup("map", root)
-        last = [one for one in truth if one.child_frame_id == root][-1].pose.pose.position
-        return bool(np.allclose(there.translation, (last.x, last.y, last.z), atol=1e-3))
-
-    shared.wait_for(at_rest)
-
-
-def test_an_imu_of_a_link_comes_with_its_frame_and_covariances(shared: Probe) -> None:
-    standing(shared, "husky", "car")
-    found, root = shared.listen("imu/husky/imu_link", Imu), shared.listen("imu/car", Imu)
-    shared.wait_for(lambda: len(found) > 60 and len(root) > 10)
-    times = np.array([seconds(message.header.stamp) for message in found])
-    assert (np.diff(times) >= 0.0).all()
-    last = found[-1]
-    assert last.header.frame_id.endswith("imu_link")
-    assert root[-1].header.frame_id.endswith("base_link")
-    assert last.linear_acceleration.z == pytest.approx(9.81, abs=0.1)
-    np.testing.assert_allclose(last.angular_velocity_covariance, (0.002**2 * 60.0 * np.eye(3)).ravel(), rtol=1e-6)
-    assert not np.any(last.linear_acceleration_covariance)
+def test_an_imu_of_a_link_comes_with_its_frame_and_covariances() -> None:
+    imus = ["{body: husky, link: imu_link, rate: 60, gyroscope_noise_density: 0.002}", "{body: car}"]
+    topics = ("imu/husky/imu_link", "imu/car")
+    with on_level({"imus": imus}, keep=topics) as run:
+        run.run(0.1)
+        for y, (name, urdf) in enumerate({"husky": urdfs.HUSKY, "car": RACECAR}.items(), 2):
+            run.world.spawn_robot(name, urdf, BodyState((2.0, 2.0 * y, 0.0)), on_ground=True)
+        run.run(1.5)
+        last, root = (run.received(topic)[-1] for topic in topics)
+        assert last.header.frame_id.endswith("imu_link") and root.header.frame_id.endswith("base_link")
+        assert last.linear_acceleration.z == pytest.approx(9.81, abs=0.1)
+        np.testing.assert_allclose(last.angular_velocity_covariance, (0.002**2 * 60.0 * np.eye(3)).ravel(), rtol=1e-6)
+        assert not np.any(last.linear_acceleration_covariance)
 
 
 def test_commands_that_cannot_be_are_refused(domain: int) -> None:

@@ -1,11 +1,9 @@
-"""What a new user is told: of bodies below, beside and off the ground, of maps without ground, of stamps of other
-clocks, and of files that services may not open."""
+"""What a new user is told: of bodies below, beside and off the ground, and of maps without ground. Of stamps of other
+clocks: test_clock.py, test_real_maps.py. Of files that services may not open: test_command.py."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from smartmesh_msgs.msg import BodySpecification, HeightmapUpdate
 from smartmesh_msgs.srv import SpawnBodies, SpawnBody
 from std_srvs.srv import Trigger
@@ -14,8 +12,7 @@ from smartmesh_ros import BodyState, Sphere
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import floats, heightmap_message, pose_message
 from smartmesh_ros.tools.testing.replaying import replayed
-from tests.node.shared import BALL, Logged, fed, on_level, stamped, told
-from tests.urdfs import link, robot
+from tests.node.shared import BALL, fed, on_level, told
 
 HOLES = heightmap_message(np.full((30, 30), np.nan))
 
@@ -52,10 +49,12 @@ def test_of_bodies_that_were_lost_the_last_ones_and_those_of_the_scene_are_known
         assert node.world.bodies.keys() == {"first", "body 39"}
 
 
-def test_a_body_that_is_spawned_below_the_ground_is_told_where_it_starts() -> None:
+def test_a_body_that_is_spawned_before_or_below_the_ground_is_told_that_it_falls_or_where_it_starts() -> None:
     words = "starts 2.00 m below the ground, which is at z = 0.00 m there, and is put onto it; on_ground: true chooses"
     below: dict[str, Any] = {"mass": 1.0, "shape": BALL, "pose": pose_message((2.0, 2.0, -2.0))}
     with on_level() as run:
+        early = run.call("spawn_body", SpawnBody.Request(id="early", mass=1.0, shape=BALL))
+        assert early.success and "'early' falls, because there is no ground before the first map" in early.message
         run.run(0.1)
 
         def spawned(name: str, **fields: Any) -> str:
@@ -70,12 +69,6 @@ def test_a_body_that_is_spawned_below_the_ground_is_told_where_it_starts() -> No
         assert len(lines(run, words)) == 3
         run.run(0.2)
         assert run.world.state("alone").position[2] > 0.1
-
-
-def test_a_body_that_is_spawned_before_the_first_map_is_told_that_it_falls() -> None:
-    with fed({}) as node:
-        answer = node.call("spawn_body", SpawnBody.Request(id="early", mass=1.0, shape=BALL))
-        assert answer.success and "'early' falls, because there is no ground before the first map" in answer.message
 
 
 def test_a_map_of_holes_is_told_until_there_is_ground_and_again_when_a_region_takes_it() -> None:
@@ -101,29 +94,3 @@ def test_a_map_of_holes_is_told_until_there_is_ground_and_again_when_a_region_ta
             run.give("heightmap_update", region)
             assert expected in says()
         assert not run.refused
-
-
-@pytest.mark.parametrize(
-    ("ahead", "words"), [(3600, "s ahead of this node's clock"), (-3600, "s old"), (0, "")], ids=["ahead", "old", "now"]
-)
-def test_stamps_of_another_clock_are_told_once(logged: Logged, ahead: int, words: str) -> None:
-    with fed({}) as node:
-        for _ in range(3):
-            message = stamped(node, heightmap_message(np.zeros((30, 30))))
-            message.header.stamp.sec += ahead
-            node.give("heightmap", message)
-        assert node.world.terrain.tiles[""].version == 3
-    told = [line for line in logged().splitlines() if "they count as those of another clock" in line]
-    assert [words in line for line in told] == ([True] if words else [])
-
-
-def test_folders_of_robots_may_be_added_while_the_node_runs(tmp_path: Path) -> None:
-    (tmp_path / "robot.urdf").write_text(robot(link("a", '<box size="0.3 0.3 0.2"/>')))
-    asked = SpawnBody.Request(id="mine", urdf=str(tmp_path / "robot.urdf"), pose=pose_message((2.0, 2.0, 1.0)))
-    with on_level() as run:
-        refused = run.call("spawn_body", asked)
-        assert not refused.success
-        where = refused.message.index("is not in bodies.urdf_folders: add its folder there")
-        assert where < 250 and len(refused.message) < 700, "the cure first"
-        run.set(bodies__urdf_folders=[str(tmp_path)])
-        assert run.call("spawn_body", asked).success

@@ -153,19 +153,10 @@ def test_peers_that_simulate_otherwise_are_refused_by_reason(logged: Logged) -> 
             assert "/other/body_states refused" in heard and words in heard
 
 
-@pytest.mark.parametrize(
-    ("option", "value", "words"),
-    [
-        ("--nodes", "0", "'0' is no whole number from 1"), ("--bodies", "-3", "'-3' is no whole number from 0"),
-        ("--seconds", "nan", "'nan' is no number from 0"),
-    ],
-)  # fmt: skip
-def test_a_fleet_of_no_nodes_is_refused_and_not_waited_for(
-    option: str, value: str, words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_fleet_of_no_nodes_is_refused_and_not_waited_for(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
-        command.main([option, value])
-    assert end.value.code == 2 and words in capsys.readouterr().err
+        command.main(["--nodes", "0"])
+    assert end.value.code == 2 and "'0' is no whole number from 1" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("empty", [[], [""]])

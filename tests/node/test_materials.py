@@ -2,17 +2,13 @@
 What materials do: tests/ground."""
 
 import math
-import re
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from geometry_msgs.msg import Twist, Vector3
 from grid_map_msgs.msg import GridMap
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from rclpy.qos import QoSProfile
 from smartmesh_msgs.msg import HeightmapUpdate
 from smartmesh_msgs.srv import StepPhysics
@@ -23,11 +19,12 @@ from smartmesh_ros.soil.config import soil_named
 from smartmesh_ros.tools.testing import Probe, floats, heightmap_message, layer_message
 from studies.soil.trials import plate_sinkage
 from tests.grid_maps import grid_map_message
-from tests.node.shared import Fed, box, fed, position_of, set_parameters, show_map, spawn, stamped
+from tests.node.shared import Fed, blocks, box, fed, position_of, running, set_parameters, show_map, spawn, stamped
 
-ROWS, COLUMNS, RESOLUTION, ORIGIN = 41, 201, 0.1, (-10.0, -2.0, 0.0)
+ROWS, COLUMNS, RESOLUTION = 41, 201, 0.1
 ICE, GRAVEL = 0.1, 0.6
 FLAT = np.zeros((ROWS, COLUMNS))
+SOILS = FLAT + np.where(np.arange(COLUMNS) % 2, 1.0, np.nan)  # NaN: not known, which is the first one
 
 
 def halves() -> NDArray[np.float32]:
@@ -38,34 +35,24 @@ def halves() -> NDArray[np.float32]:
 
 
 def coefficients(node: Fed) -> NDArray[np.float32]:
-    """Of the samples of the node's map (rows, columns); 1 where none is known."""
-    return np.nan_to_num(np.broadcast_to(node.world.terrain.tiles[""].friction, FLAT.shape), nan=1.0)
+    """Of the samples of the node's map (rows, columns)."""
+    return np.broadcast_to(node.world.terrain.tiles[""].friction, FLAT.shape)
 
 
-def test_friction_comes_with_maps_and_stays_where_later_ones_say_nothing() -> None:
-    """Also after regions, and with the ground of a map that scrolls on by 4 m to new ground."""
+def test_materials_come_with_maps_and_regions_and_stay_where_later_ones_say_nothing() -> None:
+    """What becomes of them on a map that scrolls: tests/terrain/test_scrolling.py."""
     with fed({}) as node:
 
-        def give(friction: ArrayLike | None = None, x: float = 0.0) -> None:
-            origin = (ORIGIN[0] + x, *ORIGIN[1:])
-            message = heightmap_message(FLAT, resolution=RESOLUTION, origin=origin, friction=friction)
-            node.give("heightmap", stamped(node, message))
+        def give(**material: Any) -> None:
+            node.give("heightmap", stamped(node, heightmap_message(FLAT, resolution=RESOLUTION, **material)))
 
-        give(halves())
-        np.testing.assert_array_equal(coefficients(node), halves())
+        give(friction=halves())
         give()
         region = HeightmapUpdate(x=0, y=0, width=COLUMNS, height=ROWS, heights=floats(FLAT.astype(np.float32)))
         node.give("heightmap_update", stamped(node, region))
         np.testing.assert_array_equal(coefficients(node), halves())
-        give(x=4.0)
-        np.testing.assert_array_equal(coefficients(node), np.hstack([halves()[:, 40:], np.ones((ROWS, 40))]))
-        for friction in (0.2, np.nan, np.where(halves() > 0.5, halves(), np.nan)):
-            give(friction, x=4.0)
-            known = np.nan_to_num(np.broadcast_to(np.float32(friction), FLAT.shape), nan=1.0)
-            np.testing.assert_array_equal(coefficients(node), known)
-        # Layers by their names, in maps and regions.
         layers = {"stiffness": np.where(halves() > 0.5, 2e5, np.nan), "damping": 2e4}
-        node.give("heightmap", stamped(node, heightmap_message(FLAT, resolution=RESOLUTION, layers=layers)))
+        give(layers=layers)
         changes = [layer_message("damping", 1e3), layer_message("rolling", np.arange(6.0) / 60.0)]
         region = HeightmapUpdate(x=2, y=1, width=3, height=2, heights=floats(np.zeros(6)), layers=changes)
         node.give("heightmap_update", stamped(node, region))
@@ -75,22 +62,24 @@ def test_friction_comes_with_maps_and_stays_where_later_ones_say_nothing() -> No
         np.testing.assert_array_equal(given.rolling[1:3, 2:5], np.float32(np.arange(6.0).reshape(2, 3) / 60.0))
 
 
-def test_a_layer_of_a_grid_map_holds_the_friction() -> None:
-    with fed({"terrain.input": "grid_map"}) as node:
+def test_layers_of_a_grid_map_hold_the_material() -> None:
+    with fed({"terrain.input": "grid_map", "terrain.changes": "motion", "soil.type": ["lunar", "clay"]}) as node:
 
-        def grid_map(friction: NDArray[np.float32], start: tuple[int, int] = (0, 0)) -> GridMap:
+        def grid_map(friction: NDArray[np.float32], start: tuple[int, int] = (0, 0), soil: float = 1.0) -> GridMap:
             """Level ground with a layer of coefficients, whose circular buffer begins at ``start``."""
-            layers = {"elevation": FLAT, "slip": friction, "rolling": 0.1 * halves()}
+            layers = {"elevation": FLAT, "slip": friction, "rolling": 0.1 * halves(), "kind": soil * SOILS}
             return grid_map_message(layers, RESOLUTION, start=start, stamp=node.now())
 
         node.give("grid_map", grid_map(halves()))
         assert (coefficients(node) == 1.0).all()
-        assert not node.set("raster.material_layers", ["friction=slip", "rolling"])
+        assert not node.set("raster.material_layers", ["friction=slip", "rolling", "soil=kind"])
         for start in ((0, 0), (3, 17)):
             node.give("grid_map", grid_map(halves(), start))
             np.testing.assert_array_equal(coefficients(node), halves())
             np.testing.assert_array_equal(node.world.terrain.tiles[""].material.rolling, np.float32(0.1) * halves())
-        node.require_refused("grid_map", [("friction", grid_map(-halves()))])
+            np.testing.assert_array_equal(node.world.terrain.tiles[""].soil, np.nan_to_num(SOILS))
+        bad = [("friction", grid_map(-halves())), ("soil", grid_map(halves(), soil=0.5))]
+        node.require_refused("grid_map", bad)
         assert "may be one of" in node.set("raster.material_layers", ["grip=slip"])
         assert "once" in node.set("raster.material_layers", ["friction", "friction=slip"])
         assert not node.set("raster.material_layers", ["friction=grip"])
@@ -100,22 +89,18 @@ def test_a_layer_of_a_grid_map_holds_the_friction() -> None:
 
 def test_the_publisher_on_the_page_makes_ice_beside_gravel(probe: Probe) -> None:
     """docs/materials.md; bodies have the friction 0.5."""
-    page = (Path(__file__).parents[2] / "docs" / "materials.md").read_text()
-    [code] = [code for code in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "rclpy" in code]
-    with probe.running(), subprocess.Popen([sys.executable, "-c", code]) as publisher:
-        try:
-            probe.wait_for(lambda: probe.diagnostics("terrain")["tiles"] == "1")
-            assert probe.call("pause", SetBool, data=True).success
-            sliding = {"shape": box(0.4, 0.4, 0.1), "on_ground": True, "twist": Twist(linear=Vector3(x=2.0))}
-            starts = {"on_ice": (-8.0, 0.5 * 0.2), "on_gravel": (2.0, 0.5 * 1.2)}
-            for name, (x, _) in starts.items():
-                spawn(probe, name, (x, 0.0, 0.0), **sliding)
-            assert probe.call("step", StepPhysics, steps=600).success
-            for name, (x, friction) in starts.items():
-                way = pytest.approx(2.0**2 / (2.0 * friction * 9.81), rel=0.03)
-                probe.wait_for(lambda name=name, x=x, way=way: position_of(probe, name)[0] - x == way)
-        finally:
-            publisher.kill()
+    [code] = [code for code in blocks("docs/materials.md", "python") if "rclpy" in code]
+    with probe.running(), running(code):
+        probe.wait_for(lambda: probe.diagnostics("terrain")["tiles"] == "1")
+        assert probe.call("pause", SetBool, data=True).success
+        sliding = {"shape": box(0.4, 0.4, 0.1), "on_ground": True, "twist": Twist(linear=Vector3(x=2.0))}
+        starts = {"on_ice": (-8.0, 0.5 * 0.2), "on_gravel": (2.0, 0.5 * 1.2)}
+        for name, (x, _) in starts.items():
+            spawn(probe, name, (x, 0.0, 0.0), **sliding)
+        assert probe.call("step", StepPhysics, steps=600).success
+        for name, (x, friction) in starts.items():
+            way = pytest.approx(2.0**2 / (2.0 * friction * 9.81), rel=0.03)
+            probe.wait_for(lambda name=name, x=x, way=way: position_of(probe, name)[0] - x == way)
 
 
 PLATE, MASS = box(0.2, 0.2, 0.1), 5e3 * 0.04 / 9.81
@@ -147,30 +132,22 @@ def test_bodies_of_a_collider_stand_on_soil(probe: Probe) -> None:
         assert 0.05 - sunk < position_of(probe, "plate")[2] < 0.05
 
 
-def test_soils_come_with_maps_and_layers_and_stay_where_later_ones_say_nothing() -> None:
-    with fed({"soil.type": ["lunar", "clay"], "terrain.input": "grid_map", "terrain.changes": "motion"}) as node:
+def test_soils_come_with_maps_and_stay_where_later_ones_say_nothing() -> None:
+    with fed({"soil.type": ["lunar", "clay"]}) as node:
 
-        def give(soil: Any = None, x: float = 0.0) -> Any:
-            return stamped(node, heightmap_message(np.zeros((9, 9)), origin=(x, 0.0, 0.0), soil=soil))
+        def a_map(soil: Any = None) -> Any:
+            return stamped(node, heightmap_message(np.zeros((9, 9)), soil=soil))
 
         soils = np.arange(81).reshape(9, 9) % 2
-        for soil, x, wanted in (
-            (soils, 0.0, soils), (None, 0.0, soils), (None, 0.3, np.hstack([soils[:, 3:], np.zeros((9, 3))])),
-        ):  # fmt: skip
-            node.give("heightmap", give(soil, x))
-            np.testing.assert_array_equal(node.world.terrain.tiles[""].soil, wanted)
-        node.require_refused("heightmap", [("soil", give(soils + 1, 0.3)), ("soil", give(np.full((9, 9), 255), 0.3))])
-        short = give(x=0.3)
+        for soil in (soils, None):
+            node.give("heightmap", a_map(soil))
+            np.testing.assert_array_equal(node.world.terrain.tiles[""].soil, soils)
+        node.require_refused("heightmap", [("soil", a_map(soils + 1))])
+        region = HeightmapUpdate(width=1, height=1, heights=[0.0], layers=[layer_message("soil", 2.0)])
+        node.require_refused("heightmap_update", [("soil", stamped(node, region))])
+        short = a_map()
         short.soil = [1, 0]
         node.require_refused("heightmap", [("length", short)])
-        assert not node.set("raster.material_layers", ["soil=kind"])
-
-        def grid_map(kind: Any) -> GridMap:
-            return grid_map_message({"elevation": np.zeros((9, 9)), "kind": kind}, 0.1, stamp=node.now())
-
-        node.give("grid_map", grid_map(np.where(soils, 1.0, np.nan)))
-        np.testing.assert_array_equal(node.world.terrain.tiles[""].soil, soils)
-        node.require_refused("grid_map", [("soil", grid_map(0.5 * soils)), ("soil", grid_map(-1.0 * soils))])
 
 
 def test_a_map_that_cannot_be_soil_is_taken_without() -> None:

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from types import SimpleNamespace
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -10,21 +10,26 @@ import pytest
 import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
+from grid_map_msgs.msg import GridMap
+from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
+from rclpy.serialization import deserialize_message
 from smartmesh_msgs.msg import Heightmap
 from std_srvs.srv import Trigger
 
-from smartmesh_ros import BodyState, Box, HeightMap
-from smartmesh_ros.node.inputs.map_checks import MapChecks
+from smartmesh_ros import BodyState, Box
+from smartmesh_ros.io.rasters import RasterConfig
+from smartmesh_ros.node.inputs.adapters import grid_map_raster
 from smartmesh_ros.node.inputs.rivals import RivalMaps, Rivals
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy, stamp_of
 from smartmesh_ros.terrain.grid import GridGeometry
-from smartmesh_ros.terrain.motion import Changes, MotionConfig, MotionMode
-from smartmesh_ros.tools.testing import Probe, heightmap_message
+from smartmesh_ros.terrain.motion import MotionMode
+from smartmesh_ros.tools.testing import Probe, bags, heightmap_message
 from tests.memory import allocated
 from tests.node.shared import Logged, fed
 
+MAPPER = Path(__file__).parents[1] / "data" / "mapper"
 DEFAULTS = {spec.name: spec.default for spec in SPECS}
 GRID = GridGeometry(rows=21, columns=21, resolution=0.5)
 LEVEL = np.zeros((21, 21), np.float32)
@@ -35,9 +40,7 @@ LEVEL = np.zeros((21, 21), np.float32)
     [
         ("auto", "heightmap", "motion"),
         ("auto", "grid_map", "correction"),
-        ("auto", "point_cloud", "correction"),
         ("motion", "grid_map", "motion"),
-        ("correction", "heightmap", "correction"),
     ],
 )
 def test_what_changes_mean_follows_from_the_input_unless_it_is_said(said: str, source: str, meant: str) -> None:
@@ -70,18 +73,25 @@ def of_mapper(number: int) -> NDArray[np.float32]:
     return np.asarray(LEVEL + noise + 0.001 * number + 0.08 * (number // 20 % 2), np.float32)
 
 
-def test_maps_of_a_mapper_that_are_taken_for_motion_are_a_warning(logged: Logged) -> None:
+@pytest.mark.parametrize("given", [False, True])
+def test_maps_of_a_mapper_that_are_taken_for_motion_are_a_warning(logged: Logged, given: bool) -> None:
+    """Unless their velocities say that the ground moves."""
     with fed({"terrain.changes": "motion"}) as node:
 
         def give(number: int) -> tuple[bytes, str]:
             """Gives a map that holds from now on; level and words of the diagnostics a tenth of a second later."""
-            node.give("heightmap", heightmap_message(of_mapper(number), resolution=0.5), steps=24)
+            velocities = LEVEL if given else None
+            message = heightmap_message(of_mapper(number), resolution=0.5, tile="east", velocities=velocities)
+            node.give("heightmap", message, steps=24)
             return node.node._outputs._diagnostics._terrain()[:2]
 
-        assert all([ADVICE in give(number)[1] for number in range(60)][50:])
+        assert [ADVICE in give(number)[1] for number in range(60)][50:] == [not given] * 10
         level, words = give(60)
-        assert level == DiagnosticStatus.WARN and "jumps of still ground" in words and "noise of 5." in words
-        assert logged().count(ADVICE) == 1
+        assert logged().count(ADVICE) == (not given)
+        if given:
+            return
+        assert level == DiagnosticStatus.WARN and "tile 'east': " in words
+        assert "jumps of still ground" in words and "noise of 5." in words
         assert not node.set("terrain.changes", "correction")
         assert give(61)[1] == "maps arrive"
 
@@ -103,23 +113,6 @@ def test_two_mappers_on_one_topic_are_named_in_the_diagnostics(shared: Probe) ->
         other.destroy_node()
 
 
-@pytest.mark.parametrize(
-    ("given", "changes", "doubted"),
-    [(False, "motion", True), (True, "motion", False), (False, "correction", False)],
-)
-def test_a_doubt_goes_with_its_tile_and_there_is_none_of_given_velocities_and_corrections(
-    given: bool, changes: Changes, doubted: bool
-) -> None:
-    lines: list[str] = []
-    checks = MapChecks(SimpleNamespace(warning=lines.append))
-    for number in range(50):
-        heightmap = HeightMap(of_mapper(number), geometry=GRID, motion=MotionConfig(changes=changes))
-        checks.take("east", heightmap, 0.1 * number, given=given)
-    assert ("tile 'east'" in checks.warning and ADVICE in checks.warning) == bool(lines) == doubted
-    checks.forget("east")
-    assert checks.warning == ""
-
-
 def test_tiles_that_come_and_go_leave_nothing_behind(monkeypatch: pytest.MonkeyPatch) -> None:
     """A ground that scrolls below a robot has ever new names of tiles; here as of two publishers."""
     monkeypatch.setattr(RivalMaps, "_several", lambda _: True)
@@ -136,25 +129,42 @@ def test_tiles_that_come_and_go_leave_nothing_behind(monkeypatch: pytest.MonkeyP
         assert min(np.diff(sums)) < 200 * 1024, "a thousand bytes of each; what happens once is no leak"
 
 
+def test_the_shipped_bag_of_a_mapper_is_taken_and_after_a_reset_again(logged: Logged) -> None:
+    """That its stamps are old is told once of each source. Played again, they run backwards. Over DDS the page on
+    testing plays a bag: test_tutorial.py."""
+    records = list(bags.read(MAPPER))
+    topics = {"/elevation_map": "grid_map", "/odom": "/odom"}
+    data = {record.topic: record.data for record in records}
+    last = grid_map_raster(deserialize_message(data["/elevation_map"], GridMap), RasterConfig())
+    place = deserialize_message(data["/odom"], Odometry).pose.pose.position
+    with fed({"terrain.input": "grid_map", "bodies.odometry": ["rover=/odom"], "bodies.timeout": 60.0}) as node:
+        counts = node.node.refusals.counts
+        for refused in (set(), {"grid_map: stamp_backwards", "/odom: stamp_backwards"}, set()):
+            counts.clear()
+            for record in records:
+                node.give(topics[record.topic], record.data, steps=0)
+            assert set(counts) == refused
+            node.run(240)
+            tile = node.world.terrain.tiles[""]
+            assert tile.geometry == last.geometry
+            np.testing.assert_allclose(tile.heights, last.heights, atol=1e-5)
+            assert node.world.state("rover").position[:2] == pytest.approx((place.x, place.y), abs=0.5)
+            assert logged().count("s old, so they count as those of another clock") == (0 if refused else 2)
+            if refused:
+                node.node.reset()
+
+
 def before(stamp: Time, seconds: int, tenths: int = 0) -> Time:
     total = stamp.sec * 10**9 + stamp.nanosec - seconds * 10**9 - tenths * 10**8
     return Time(sec=total // 10**9, nanosec=total % 10**9)
 
 
-def test_a_map_that_was_overtaken_is_neither_taken_nor_refused() -> None:
-    with fed({}) as node:
-        now = node.now()
-        for height, stamp in ((0.0, now), (1.0, before(now, 0, 1)), (0.0, node.now())):
-            node.give("heightmap", heightmap_message(LEVEL + height, stamp=stamp))
-        assert node.world.terrain.tiles[""].version == 2
-        assert not node.node.refusals.counts
-        assert node.node.session.overtaken.total() == 1
-
-
 def test_older_stamps_are_taken_again_and_bodies_stay_where_they_are() -> None:
-    """The clock of the source was set back by an hour."""
+    """The clock of the source was set back by an hour. A map that was only overtaken is neither taken nor refused."""
     with fed({}) as node:
-        node.give("heightmap", heightmap_message(LEVEL, resolution=0.5, stamp=node.now()))
+        for stamp in (node.now(), before(node.now(), 0, 1)):
+            node.give("heightmap", heightmap_message(LEVEL, resolution=0.5, stamp=stamp))
+        assert not node.node.refusals.counts and node.node.session.overtaken.total() == 1
         node.world.spawn("box", Box(0.4, 0.4, 0.3), 1.0, BodyState((5.0, 5.0, 0.3)))
         node.run(240)
         place = node.world.state("box").position

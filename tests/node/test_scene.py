@@ -14,8 +14,6 @@ from matplotlib.tri import LinearTriInterpolator, Triangulation
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import TrackedBody
 from smartmesh_msgs.srv import RemoveBodies
-from std_msgs.msg import String
-from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros import HeightMap, Terrain
@@ -24,7 +22,7 @@ from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.tools.testing import Probe, Process, points_of
 from tests.bodies import rotation
 from tests.ground.reaching import balls_on
-from tests.node.shared import LATCHED, show_map, spawn
+from tests.node.shared import on_level, show_map, spawn
 from tests.urdfs import HUSKY, ROVER
 
 RESOLUTION, LOW = 0.25, -10.0
@@ -123,24 +121,22 @@ def test_rviz_shows_the_ground_and_the_bodies_and_forgets_them(shared: Probe) ->
     shared.wait_for(lambda: display.without_ground > 15)  # it is at rest, and nobody is new any more
 
 
-def test_a_robot_model_has_the_frames_and_the_files_of_the_robot(probe: Probe) -> None:
+def test_a_robot_model_has_the_frames_and_the_files_of_the_robot() -> None:
     spawned = f"{{id: husky, urdf: {HUSKY}, xy: [2, 2]}}"
     parameters = {"bodies.spawn": [spawned], "publish.tf": 50.0, "publish.robot_prefix": True}
-    with probe.running(parameters=parameters):
-        models = probe.listen("robot_model", String, LATCHED)
-        frames = probe.listen("/tf", TFMessage)
-        probe.publish_map(np.zeros((41, 41)))
-        probe.wait_for(lambda: models and models[-1].data and frames)
-        robot = ElementTree.fromstring(models[-1].data)
+    with on_level(parameters, keep=["robot_model", "/tf"]) as run:
+        run.run(2.0)
+        robot = ElementTree.fromstring(run.received("robot_model")[-1].data)
         links = {str(link.get("name")) for link in robot.findall("link")}
         assert all(link.startswith("husky/") for link in links)
         assert {end.get("link") for end in (*robot.iter("parent"), *robot.iter("child"))} - {None} <= links
-        assert links <= {transform.child_frame_id for transform in frames[-1].transforms}
+        assert links <= {transform.child_frame_id for transform in run.received("/tf")[-1].transforms}
         meshes = [str(mesh.get("filename")) for mesh in robot.iter("mesh")]
         assert meshes and all(mesh.startswith("file:///") and Path(mesh[7:]).is_file() for mesh in meshes)
         assert sum(link.find("visual") is not None for link in robot.findall("link")) >= 5
-        probe.call("remove_bodies", RemoveBodies, ids=["husky"])
-        probe.wait_for(lambda: models[-1].data == "")
+        assert run.call("remove_bodies", RemoveBodies.Request(ids=["husky"])).success
+        run.run(2.5)
+        assert run.received("robot_model")[-1].data == ""
 
 
 VIEW = GroundView()

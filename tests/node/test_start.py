@@ -4,13 +4,11 @@ import math
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import pybullet_data
 import pytest
 import yaml
 from rclpy.parameter import Parameter
@@ -28,6 +26,7 @@ from smartmesh_ros.tools.demo import rover, terrain_source
 from smartmesh_ros.tools.score import terrain_score
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, executable
 from tests.node.shared import Log, Logged, fed, made_with, refusal_at_start
+from tests.urdfs import HUSKY
 
 pytestmark = pytest.mark.usefixtures("executables")
 
@@ -43,20 +42,12 @@ MALFORMED = [
     [1.0, 0.0], [math.nan] * 3,
 ]  # fmt: skip
 
-HUSKY = Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf"
 
-
-@pytest.fixture
-def probe() -> Iterator[Probe]:
-    """A probe in a namespace of its own: a node of the same name that another test left behind would be warned of."""
-    with Probe(namespace="start") as made:
-        yield made
-
-
-def test_one_line_tells_the_start_and_pybullet_says_nothing(probe: Probe) -> None:
-    """A robot whose links lack inertias has PyBullet warn; its build time and its command line it tells unasked."""
-    robot = f"{{id: husky, urdf: {HUSKY}, xyz: [0, 0, 1]}}"
-    with probe.running(parameters={"physics.rate": 120.0, "bodies.spawn": [robot]}) as process:
+def test_one_line_tells_the_start_and_pybullet_says_nothing(domain: int) -> None:
+    """A robot whose links lack inertias has PyBullet warn; its build time and its command line it tells unasked. In a
+    namespace of its own: a node of the same name that another test left behind would be warned of."""
+    parameters = {"physics.rate": 120.0, "bodies.spawn": [f"{{id: husky, urdf: {HUSKY}, xyz: [0, 0, 1]}}"]}
+    with Probe(namespace="start") as probe, probe.running(parameters=parameters) as process:
         probe.wait_for(lambda: probe.latest("body_states").bodies)
         process.stop()
         root, masses, ignored, line = process.output.splitlines()
@@ -86,9 +77,7 @@ def test_executables_end_quietly_if_nobody_reads_their_output() -> None:
         (["/**"], True),
         (["robot", "terrain_collider"], True),
         (["/*/terrain_collider"], True),
-        (["/robot/**"], True),
         (["/terrain_collider"], False),
-        (["/robot/terrain_colider"], False),
     ],
 )
 def test_a_parameter_file_is_for_the_nodes_it_names(tmp_path: Path, names: list[str], fits: bool) -> None:
@@ -121,7 +110,6 @@ def test_parameters_that_have_no_effect_are_warned_about(
     [
         ("-p physics.gravity:=[0.0, down, -9.81]", "of the same type"),
         ("-p physics.gravity:=[0, 0, -9.81]", "[0.0, 0.0, -9.81]"),
-        ("-p physics.gravity:={x: 1}", "name:=value"),
         ("-p physics.rate:=[240.0", "name:=value"),
         ("-p physics.rate", "name:=value"),
         ("--params-file /no/such/file.yaml", "/no/such/file.yaml"),

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from smartmesh_ros.startup.dds import in_use, isolated, isolated_unless_chosen
-from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, bags, heightmap_message
 from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
 from smartmesh_ros.tools.testing.process import start_command
 from tests import preloaded
@@ -134,6 +134,12 @@ def test_a_probe_listens_in_a_namespace_to_its_own_node(shared: Probe) -> None:
         assert other.diagnostics("terrain")["message"] == "no map yet"
 
 
+def test_a_topic_of_a_bag_that_nobody_subscribes_to_is_named(probe: Probe, tmp_path: Path) -> None:
+    bags.write(tmp_path / "bag", [("/maps", 0.0, heightmap_message([[0.0] * 3] * 3))])
+    with pytest.raises(AssertionError, match=r"nobody subscribes to /maps after 0.5 s; remap renames topics"):
+        bags.play(tmp_path / "bag", probe.node, probe.spin, timeout=0.5)
+
+
 def test_a_domain_that_somebody_is_in_is_left_alone() -> None:
     with isolated() as number:
         assert not in_use(number)
@@ -156,14 +162,9 @@ def test_folders_that_import_the_fixture_share_a_domain(tmp_path: Path) -> None:
     assert "3 passed" in result.stdout
 
 
-def test_a_domain_that_the_user_chose_is_kept(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("ROS_DOMAIN_ID", "77")
-    with isolated_unless_chosen() as number:
-        assert number == 77
+def test_a_user_who_chose_no_domain_gets_a_free_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that was chosen is kept: test_processes.py."""
     monkeypatch.delenv("ROS_DOMAIN_ID")
     with isolated_unless_chosen() as number:
         assert os.environ["ROS_DOMAIN_ID"] == str(number) != "0"
     assert "ROS_DOMAIN_ID" not in os.environ
-    assert "DDS domain 77" in capsys.readouterr().out

@@ -12,7 +12,6 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-import pybullet_data
 import pytest
 import yaml
 from grid_map_msgs.msg import GridMap
@@ -28,17 +27,12 @@ from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_
 from smartmesh_ros.tools.testing.replaying import replayed
 from tests.grid_maps import grid_map_message
 from tests.launch_files import Recorded, stand_ins
-from tests.node.shared import fed, stamped, transform_message, wait_until
-from tests.urdfs import joint, link, robot
+from tests.node.shared import ROOT, blocks, fed, running, stamped, transform_message, wait_until
+from tests.urdfs import HUSKY, joint, link, robot
 
 __all__ = ["stand_ins"]
 
-ROOT = Path(__file__).parents[2]
 RESOLUTION = 0.1
-
-
-def blocks(page: str, language: str) -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)
 
 
 def arguments_of(command: str) -> list[str]:
@@ -107,27 +101,20 @@ def test_the_program_of_the_first_page_drives_the_robot(
     probe: Probe, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     parameters, driver, _ = the_walk(tmp_path, monkeypatch)
-    husky = str(Path(pybullet_data.getDataPath()) / "husky" / "husky.urdf")
     odometry = probe.listen("/terrain_collider/odom/rover", Odometry)
     with probe.running("terrain_collider", parameters | {"terrain.file": str(tmp_path / "hill.npy")}):
-        assert probe.call("spawn_body", SpawnBody, id="rover", urdf=husky, on_ground=True).success
-        with subprocess.Popen([sys.executable, "-c", driver]) as driving:
-            try:
-                probe.wait_for(lambda: odometry and odometry[-1].twist.twist.linear.x > 0.4)
-            finally:
-                driving.kill()
+        assert probe.call("spawn_body", SpawnBody, id="rover", urdf=HUSKY, on_ground=True).success
+        with running(driver):
+            probe.wait_for(lambda: odometry and odometry[-1].twist.twist.linear.x > 0.4)
 
 
 def test_the_readmes_publisher_moves_the_ground(probe: Probe) -> None:
     _, code = blocks("README.md", "python")
-    with probe.running("terrain_collider"), subprocess.Popen([sys.executable, "-c", code]) as publisher:
-        try:
-            probe.wait_for(lambda: probe.diagnostics("terrain")["message"] == "maps arrive")
-            asked = {"x": [0.0], "y": [0.0]}
-            probe.wait_for(lambda: abs(probe.call("query_ground", QueryGround, **asked).velocities[2]) > 0.1)
-            assert probe.diagnostics("inputs")["message"] == "0 refused so far"
-        finally:
-            publisher.kill()
+    with probe.running("terrain_collider"), running(code):
+        probe.wait_for(lambda: probe.diagnostics("terrain")["message"] == "maps arrive")
+        asked = {"x": [0.0], "y": [0.0]}
+        probe.wait_for(lambda: abs(probe.call("query_ground", QueryGround, **asked).velocities[2]) > 0.1)
+        assert probe.diagnostics("inputs")["message"] == "0 refused so far"
 
 
 def test_the_installed_file_is_that_of_the_tutorial() -> None:
@@ -196,18 +183,9 @@ def cells_around(x: float, y: float) -> tuple[FloatArray, FloatArray]:
 def cupy_map(x: float, y: float, *, seen: bool = True) -> GridMap:
     """A map of its publisher elevation_map_raw."""
     heights = ground(*cells_around(x, y))
-    edge = np.ones_like(heights, bool)
-    edge[3:-3, 3:-3] = False  # where its filter of traversability has no result
-    color = np.full(heights.shape, 0x00FF7F10, np.uint32).view(np.float32)
-    values = {
-        "elevation": np.where(seen, heights, np.nan),
-        "traversability": np.where(seen & ~edge, 0.9, np.nan),
-        "variance": np.full_like(heights, 1e-4 if seen else UNSEEN),
-        "rgb": np.where(seen, color, np.nan),
-    }
-    made = grid_map_message(values, RESOLUTION, (x, y, 0.0))
-    made.basic_layers = ["elevation"]
-    return made
+    variances = np.full_like(heights, 1e-4 if seen else UNSEEN)
+    layers = {"elevation": np.where(seen, heights, np.nan), "variance": variances}
+    return grid_map_message(layers, RESOLUTION, (x, y, 0.0))
 
 
 def test_an_elevation_map_becomes_patches_under_the_robot(tmp_path: Path) -> None:

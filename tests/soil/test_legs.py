@@ -8,6 +8,9 @@ from smartmesh_ros.soil.config import SoilType, soil_named
 from studies.soil.trials import least, modulus_of
 from tests import legged
 
+# Of the feet of "anymal" [m].
+RADIUS = 0.03
+
 
 def foot_sinkage(soil: SoilType, radius: float, load: float) -> float:
     """Return the sinkage [m] at which a ball carries a ``load`` [N]: its pressures are those of plates as deep."""
@@ -24,7 +27,6 @@ def foot_sinkage(soil: SoilType, radius: float, load: float) -> float:
 @pytest.mark.parametrize("soil", ["dry_sand", "lunar"])
 def test_a_quadruped_stands_still_on_feet_that_sink_as_the_law_says(soil: str) -> None:
     """Feet whose middles are below the ground of before are not lifted out of it."""
-    radius = legged.MODELS["anymal"].foot
     with World(HeightMap(np.zeros((101, 101)), resolution=0.04)) as world:
         world.ground.set_soil(Soil(world.terrain, soil))
         body = legged.set_up(world, "anymal", 2.0, 2.0, 0.005)
@@ -32,11 +34,11 @@ def test_a_quadruped_stands_still_on_feet_that_sink_as_the_law_says(soil: str) -
         links = range(-1, world.client.getNumJoints(body.uid))
         weight = 9.81 * sum(world.client.getDynamicsInfo(body.uid, link)[0] for link in links)
         sinkages = {name: found.sinkage for name, found in world.ground.on_soil().items()}
-        assert len(sinkages) == 4 and max(sinkages.values()) > radius
+        assert len(sinkages) == 4 and max(sinkages.values()) > RADIUS
         for _ in range(240):
             world.step()
             loads = {wrench.body: float(wrench.force[2]) for wrench in world.wrenches()}
             assert sum(loads.values()) == pytest.approx(weight, rel=0.03)
         for foot, sinkage in sinkages.items():
-            assert sinkage == pytest.approx(foot_sinkage(soil_named(soil), radius, loads[foot]), rel=0.1)
+            assert sinkage == pytest.approx(foot_sinkage(soil_named(soil), RADIUS, loads[foot]), rel=0.1)
         assert world.rescues == 0 and world.is_asleep("anymal")

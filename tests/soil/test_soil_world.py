@@ -1,15 +1,34 @@
-"""Soil in a PyBullet world: what falls, slides and leaves."""
+"""Soil in a PyBullet world: what falls, slides and leaves, what stands on soil that moves, and what is refused."""
 
 import math
+from collections.abc import Callable
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, Material, Soil, Sphere, World
+from smartmesh_ros import (
+    BodyState,
+    Box,
+    Cylinder,
+    HeightMap,
+    InputError,
+    Material,
+    MotionConfig,
+    Soil,
+    SoilType,
+    Sphere,
+    World,
+)
 from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros.soil.config import soil_named, soils_of
+from tests.bodies import about_z
+from tests.grounds import level, moving
 
 FLAT = np.zeros((101, 101))
+ALONG = np.tile(0.04 * np.arange(-50, 51), (101, 1))  # [m], from the middle
+BOX = Box(0.2, 0.2, 0.2)
 
 
 def laid(world: World, name: str) -> Soil:
@@ -55,7 +74,7 @@ def test_what_sleeps_on_hard_soil_sinks_when_soft_soil_lies_there() -> None:
     count as the last, also in a saved state, and a map that says none has the first."""
     for scrolls, kind in ((False, 200), (True, 1)):
         with World(HeightMap(FLAT, resolution=0.04)) as world:
-            world.spawn("box", Box(0.2, 0.2, 0.2), 20.0, BodyState((2.0, 2.0, 0.1)))
+            world.spawn("box", BOX, 20.0, BodyState((2.0, 2.0, 0.1)))
             world.ground.set_soil(Soil(world.terrain, ["lunar", "clay"]))
             world.terrain.tile("").soil = np.full((101, 101), kind)
             world.step(480)
@@ -85,9 +104,126 @@ def test_the_map_is_lower_by_the_sinkage_of_its_samples(samples: int) -> None:
         np.testing.assert_allclose(soil.map.heights, -soil.sinkage(), atol=1e-6)
 
 
+@pytest.mark.parametrize(("velocity", "spin"), [((3.0, -1.0), 0.0), ((0.0, 0.0), 0.5), ((0.3, 0.2), -0.7)])
+def test_a_box_on_soil_that_slides_or_turns_sinks_as_on_soil_at_rest_and_moves_with_it(
+    velocity: tuple[float, float], spin: float
+) -> None:
+    """It is set down at the velocity of its place, and shears the soil until that holds it on its circle."""
+    heightmap = HeightMap(FLAT, resolution=0.04)
+    heightmap.slide(velocity, 100.0, spin=spin)
+    with World(heightmap) as world:
+        world.ground.set_soil(Soil(heightmap, "dry_sand"))
+        linear = velocity[0] - 0.3 * spin, velocity[1] + 0.4 * spin, 0.0
+        world.spawn("box", BOX, 20.0, BodyState((0.4, 0.3, 0.1), linear=linear, angular=(0.0, 0.0, spin)))
+        places = []
+        for _ in range(2):
+            world.step(480)
+            grid, state = heightmap.placed_at(world.time), world.state("box")
+            x, y = np.subtract(state.position[:2], grid.origin[:2])
+            cos, sin = math.cos(grid.yaw), math.sin(grid.yaw)
+            places.append((cos * x + sin * y, cos * y - sin * x))
+            there = about_z(grid.yaw)
+            assert abs(np.dot(state.orientation, there)) == pytest.approx(1.0, abs=1e-5)
+            assert state.position[2] == pytest.approx(0.1 - 5.4e-3, abs=1e-4)
+        assert places[0] == pytest.approx((0.4, 0.3), abs=0.01)
+        assert places[1] == pytest.approx(places[0], abs=1e-5)
+
+
+def test_a_ball_on_soil_that_rocks_is_not_thrown() -> None:
+    """By 6 degrees in 8 s. It rolls a little; the soil that it leaves behind stays down below it."""
+    with World(HeightMap(FLAT, resolution=0.04, origin=(-2.0, -2.0))) as world:
+        world.ground.set_soil(Soil(world.terrain, "dry_sand"))
+        world.spawn("ball", Sphere(0.15), 20.0, BodyState((0.313, 0.17, 0.15)))
+        world.step(120)
+        start, forces = world.time, []
+        for _ in moving(world, lambda time: 0.1 * math.sin(math.tau * (time - start) / 8.0) * ALONG, 960):
+            (wrench,) = world.wrenches()
+            forces.append(wrench.force[2] / (20.0 * 9.81))
+        assert 0.9 < min(forces[240:]) < max(forces[240:]) < 1.1
+        assert world.state("ball").position[0] == pytest.approx(0.313, abs=0.1)
+
+
+@pytest.mark.parametrize("soil", ["dry_sand", "clay"])
+def test_what_sleeps_on_soil_that_begins_to_rock_is_neither_kicked_nor_shaken(soil: str) -> None:
+    """By 6 degrees in 8 s; the force of the soil is the weight."""
+    with World(HeightMap(FLAT, resolution=0.04, origin=(-2.0, -2.0))) as world:
+        world.ground.set_soil(Soil(world.terrain, soil))
+        world.spawn("box", BOX, 20.0, BodyState((1.313, 0.17, 0.1)))
+        world.step(240)
+        assert world.is_asleep("box")
+        start, sunk = world.time, 0.1 - world.state("box").position[2]
+
+        def slope(time: float) -> float:
+            return 0.05 * (1.0 - math.cos(math.tau * (time - start) / 8.0))
+
+        forces = []
+        for _ in moving(world, lambda time: slope(time) * ALONG, 1920):
+            (wrench,) = world.wrenches()
+            forces.append(wrench.force[2] / (20.0 * 9.81))
+            x, _, z = world.state("box").position
+            depth = 0.1 - (z - slope(world.time) * x) * math.cos(math.atan(slope(world.time)))
+            assert depth == pytest.approx(sunk, abs=2e-3)
+        assert max(forces) < 2.0
+        assert 0.85 < min(forces[240:]) < max(forces[240:]) < 1.15
+
+
+SAND = {
+    "Bekker_Kphi": 1e6, "Bekker_Kc": 0.0, "Bekker_n": 1.0, "Mohr_cohesion": 0.0, "Mohr_friction": 30.0,
+    "Janosi_shear": 0.01,
+}  # fmt: skip
+
+
+def of_kinds(kinds: np.ndarray) -> Soil:
+    return Soil(HeightMap(np.zeros((20, 20)), resolution=1.0), ["lunar", "clay"], kinds=kinds)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: SoilType(**{**SAND, "Bekker_Kphi": -1.0}), "Bekker_Kphi is -1"),
+        (lambda: SoilType(**{**SAND, "Mohr_friction": 90.0}), "Mohr_friction is 90"),
+        (lambda: SoilType(**{**SAND, "elastic_K": 5e5}), "not above Bekker_Kphi"),
+        (lambda: soil_named("cheese"), "no soil 'cheese'; known: dry_sand"),
+        (lambda: of_kinds(np.zeros((3, 3), np.uint8)), r"shape \(3, 3\)"),
+        (lambda: of_kinds(np.full((20, 20), 2)), "kinds are up to 2"),
+        (lambda: of_kinds(np.full((20, 20), 255)), "255 to 255"),
+        (lambda: of_kinds(np.zeros((20, 20))), "whole numbers"),
+        (lambda: Soil(level(), "lunar", spacing=0.0), "spacing"),
+        (lambda: Soil(level(101, 10.0), "lunar"), r"on cells of 10 m; it must be above 0\.01 m"),
+        (lambda: Soil(level(1000, 5.0), "lunar"), "raise spacing"),
+        *((lambda soil=soil: Soil(level(), soil), "is no soil; give a SoilType") for soil in (5, [5], None)),
+        (lambda: Soil(level(motion=MotionConfig(changes="correction")), "lunar"), "corrections"),
+    ],
+)
+def test_what_cannot_be_is_refused(make: Callable[[], object], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        make()
+
+
+def test_parameters_of_numpy_are_those_of_python() -> None:
+    given = {name: np.float32(value) for name, value in SAND.items()}
+    assert SoilType(**given) == SoilType(**{name: float(value) for name, value in given.items()})
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("sand: {Bekker_Kphi: 1e6}", "lacks Bekker_Kc"),
+        ("sand: {stiffness: 3}", "has no parameter 'stiffness'"),
+        ("[1, 2]", "holds no soils"),
+        ("sand: {", "cannot be read"),
+    ],
+)
+def test_bad_files_are_refused(tmp_path: Path, text: str, words: str) -> None:
+    file = tmp_path / "soils.yaml"
+    file.write_text(text)
+    with pytest.raises(InputError, match=words):
+        soils_of(file)
+
+
 @pytest.mark.parametrize("shape", [Box(0.2, 0.2, 0.2), Sphere(0.1), Cylinder(radius=0.1, height=0.2)])
 def test_a_map_that_is_higher_at_once_lifts_what_stands_in_its_soil(shape: Shape) -> None:
-    """Without a velocity, as after a long break: what stands there is below the new ground, and its print goes along."""
+    """Without a velocity, as after a long break. What stood there is below the new ground; its print goes along."""
     with World(HeightMap(FLAT, resolution=0.04)) as world:
         world.spawn("body", shape, 10.0, BodyState((2.0, 2.0, 0.1)))
         laid(world, "dry_sand")

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from std_msgs.msg import Header
 
 from smartmesh_ros.node.parameters.specifications import NAMES
+from studies.load import soak
 from studies.load.driver import CODES, RESOLUTION, RISE, WAVE, Case, TerrainMessages, groups, run_case
 from studies.load.soak import is_flat, slope_of
 from studies.load.study import runs, summary_of
@@ -64,3 +65,10 @@ def test_the_slope_of_a_line_is_its_own_and_what_stays_is_flat(per_hour: float, 
     assert slope_of(times, np.full(600, start)) == (0.0, 0.0, start)
     noise = 0.01 * np.random.default_rng(1).standard_normal(600)
     assert not is_flat(slope_of(times, 1.0 + noise + 10.0 * times / 3600.0))
+
+
+def test_a_soak_that_is_too_short_for_a_slope_is_refused(capfd: pytest.CaptureFixture[str]) -> None:
+    with pytest.MonkeyPatch.context() as patched, pytest.raises(SystemExit):
+        patched.setattr(soak, "run", lambda _: pytest.fail("it began"))
+        soak.main(["--minutes", "0"])
+    assert "'0' is no number from 1 to" in capfd.readouterr().err

@@ -89,9 +89,13 @@ def test_the_least_clearance_of_links_is_that_of_the_lowest_and_beside_the_map_t
 
 
 @pytest.mark.parametrize("robot", [ROVER, HUSKY, RACECAR, LAIKAGO], ids=lambda robot: robot.name)
-def test_the_shapes_of_links_fill_the_bounds_that_pybullet_gives_them(client: Any, robot: Robot) -> None:
+def test_the_shapes_of_links_fill_the_bounds_that_pybullet_gives_them(
+    client: Any, robot: Robot, tmp_path: Path
+) -> None:
     """Links that are not turned: bounds of turned ones are too large. The margin is a few millimetres."""
-    uid = client.loadURDF(robot.urdf)
+    file = tmp_path / "robot.urdf"
+    file.write_text(prepared(robot.urdf))
+    uid = client.loadURDF(str(file))
     compared = 0
     for link in range(-1, client.getNumJoints(uid)):
         if not client.getCollisionShapeData(uid, link):

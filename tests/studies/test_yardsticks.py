@@ -38,18 +38,6 @@ def test_it_is_the_distance_to_every_triangle_of_rough_ground_with_holes(seed: i
     np.testing.assert_array_equal(found < 0.0, points[:, 2] < below)
 
 
-@given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-0.3, 0.3))
-def test_over_a_plane_it_is_the_planes(slope_x: float, slope_y: float, above: float) -> None:
-    r, c = np.mgrid[:60, :60]
-    ground = surface(slope_x * (-1.0 + 0.1 * c) + slope_y * (0.5 + 0.1 * r), 0.1)
-    normal = np.array([-slope_x, -slope_y, 1.0]) / math.sqrt(slope_x**2 + slope_y**2 + 1.0)
-    foot = np.array([1.93, 3.41, slope_x * 1.93 + slope_y * 3.41])
-    found = nearest(ground, (foot + above * normal)[None], 0.5)
-    assert found.distance[0] == pytest.approx(above, abs=1e-9)
-    if abs(above) > 1e-6:
-        np.testing.assert_allclose(found.normal[0], normal, atol=1e-6)
-
-
 def test_what_lies_beyond_the_reach_or_the_map_is_cut_off() -> None:
     ground = surface(np.zeros((5, 5)), 0.5)
     points = np.array([[0.0, 1.5, 0.9], [0.0, 1.5, 3.0], [0.0, 1.5, -3.0], [np.nan, 0.0, 0.0]])

@@ -1,7 +1,7 @@
 """Ground as triangles; points, rays and distances by brute force, written without the package's sampling of facets."""
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -34,6 +34,14 @@ def rough_map(seed: int, holes: int = 0, yaw: float = 0.0, motion: MotionConfig 
     for number in range(1, 4):
         heightmap.replace(heights + 0.1 * number * rng.normal(size=heights.shape), time=0.02 * number)
     return heightmap
+
+
+def mesh_of(ground: HeightMap, **options: Any) -> TriangleMesh:
+    """The ground of a map as a mesh."""
+    rows, columns = ground.heights.shape
+    places = ground.geometry.to_world(*np.indices((rows, columns)))
+    vertices = np.concatenate([places, ground.heights[..., None].astype(np.float64)], axis=-1)
+    return TriangleMesh(vertices.reshape(-1, 3), grid_triangles(rows, columns), **options)
 
 
 def folded_mesh(seed: int) -> TriangleMesh:

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from smartmesh_ros import HeightMap, Material, MotionConfig, Terrain
 from smartmesh_ros.terrain.material import NAMES
 from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
-from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.examples import examples
+from tests.terrain.surfaces import mesh_of
 
 ROWS, COLUMNS = 9, 12
 COPIES: dict[str, Callable[[Any], Any]] = {
@@ -71,9 +72,7 @@ def seen(ground: Terrain, time: float) -> list[np.ndarray]:
 def ground_of(kind: str, motion: MotionConfig) -> HeightMap | TriangleMesh:
     if kind == "map":
         return HeightMap(heights_of(0), resolution=0.1, motion=motion)
-    r, c = np.mgrid[:ROWS, :COLUMNS]
-    vertices = np.stack([0.1 * c, 0.1 * r, np.nan_to_num(heights_of(0))], axis=-1).reshape(-1, 3)
-    return TriangleMesh(vertices, grid_triangles(ROWS, COLUMNS), motion=motion)
+    return mesh_of(HeightMap(np.nan_to_num(heights_of(0)), resolution=0.1), motion=motion)
 
 
 @pytest.mark.parametrize("how", COPIES)

@@ -253,6 +253,11 @@ def test_what_cannot_be_terrain_is_refused_by_name(tmp_path: Path, name: str) ->
         load(tmp_path / name, max_samples=10_000)
 
 
+def test_a_file_of_a_user_who_is_not_there_is_refused() -> None:
+    with pytest.raises(InputError, match="there is no file ~nobody_here"):
+        load("~nobody_here/dem.npy")
+
+
 def test_without_rasterio_it_is_said_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = write_tiff(tmp_path / "dem.tif", SQUARE)
     monkeypatch.setitem(sys.modules, "rasterio", None)

@@ -18,6 +18,8 @@ from tests.terrain.surfaces import told
 
 SIDE = 2 * BLOCK + 10
 EVERYTHING = np.arange(SIDE * SIDE)
+SMOOTH = (MotionConfig(mode="interpolate"), MotionConfig(smoothing=2.0))
+MOTIONS = (MotionConfig(), *SMOOTH)
 # The block of each sample.
 BLOCKS = np.add.outer(1000 * (np.arange(SIDE) // BLOCK), np.arange(SIDE) // BLOCK)
 
@@ -37,16 +39,18 @@ def fed(times: FloatArray, mode: MotionMode = "extrapolate") -> HeightMap:
 
 
 @examples(25)
+@pytest.mark.parametrize("motion", MOTIONS)
 @given(parts, st.lists(st.floats(0.01, 0.2), min_size=1, max_size=4), st.integers(0, 10**6), st.floats(0.0, 0.3))
 @example([BLOCK + 3], [0.05, 0.05, 0.05], 0, 0.02)  # in a block that both parts share
 @example([BLOCK + 3], [0.05, 0.05, 0.05], 1, 0.02)
 def test_a_map_that_comes_in_parts_moves_as_the_whole_map_does(
-    borders: list[int], intervals: list[float], seed: int, age: float
+    motion: MotionConfig, borders: list[int], intervals: list[float], seed: int, age: float
 ) -> None:
     """Also if it comes as a whole after its parts, as with every odd seed."""
     rng = np.random.default_rng(seed)
     shape = rng.normal(size=(SIDE, SIDE)).astype(np.float32)
-    whole, pieces, time = HeightMap(shape, resolution=1.0, time=0.0), HeightMap(shape, resolution=1.0, time=0.0), 0.0
+    whole, pieces = (HeightMap(shape, resolution=1.0, time=0.0, motion=motion) for _ in range(2))
+    time = 0.0
     for interval in intervals:
         time += interval
         shape = shape + rng.normal(scale=0.02, size=shape.shape).astype(np.float32)
@@ -171,7 +175,6 @@ def test_ground_rests_at_its_last_map_when_maps_stop(mode: MotionMode) -> None:
     assert not found.velocities.any()
 
 
-SMOOTH = (MotionConfig(mode="interpolate"), MotionConfig(smoothing=2.0))
 SAMPLES = np.arange(25)
 
 
@@ -228,7 +231,7 @@ def test_smooth_ground_jumps_at_no_update(
         np.testing.assert_allclose(after.velocities[kept], before.velocities[kept], atol=1e-4)
 
 
-@pytest.mark.parametrize("motion", [MotionConfig(), *SMOOTH])
+@pytest.mark.parametrize("motion", MOTIONS)
 def test_the_velocity_of_the_ground_is_the_rate_of_its_height(motion: MotionConfig) -> None:
     """While maps come, are late, and are gone; and a rise is the difference of two heights."""
     heightmap = HeightMap(ground(0.0), resolution=1.0, time=0.0, motion=motion)
@@ -248,7 +251,7 @@ def test_the_velocity_of_the_ground_is_the_rate_of_its_height(motion: MotionConf
 @example([(0.0, True, False), (0.0, True, True)], 0, 0.0, MotionConfig())  # a part of a map keeps velocities beside it
 @given(
     st.lists(st.tuples(st.just(0.0) | st.floats(0.01, 0.3), st.booleans(), st.booleans()), min_size=1, max_size=5),
-    st.integers(0, 10**6), st.floats(0.0, 0.5), st.sampled_from([MotionConfig(), *SMOOTH]),
+    st.integers(0, 10**6), st.floats(0.0, 0.5), st.sampled_from(MOTIONS),
 )  # fmt: skip
 def test_vertices_move_along_any_line_as_samples_of_a_map_do_along_z(
     updates: list[tuple[float, bool, bool]], seed: int, age: float, motion: MotionConfig

@@ -51,30 +51,24 @@ def occupancy(percent: int) -> object:
 # Makers with arguments that cannot be, the reason, and words of the refusal.
 REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
     (scan, "height_scan"): [
-        ({"size": (1.0,)}, "size of a height scan is (1.0,); it must be 2 numbers"), ({"size": (-1.0, 1.0)}, "size"),
-        ({"size": ("1", 1.0)}, "size"), ({"size": (NAN, 1.0)}, "size"), ({"spacing": 0.0}, "above 0"),
-        ({"spacing": 0.001}, "at most 100000 points"),
-        ({"spacing": None}, "spacing of a height scan is None; it must be a number"),
-        ({"offset": (0.0, 0.0)}, "3 numbers"), ({"offset": (0.0, INF, 0.0)}, "offset"),
+        ({"size": (1.0,)}, "size of a height scan is (1.0,); it must be 2 numbers"), ({"size": (NAN, 1.0)}, "size"),
+        ({"spacing": 0.0}, "above 0"), ({"spacing": 0.001}, "at most 100000 points"),
+        ({"spacing": None}, "spacing of a height scan is None; it must be a number"), ({"noise": True}, "noise"),
         ({"order": "zx"}, "one of ('xy', 'yx')"), ({"values": "depth"}, "one of ('height', 'clearance')"),
-        ({"distribution": "pink"}, "one of ('uniform', 'normal')"), ({"noise": -0.1}, "noise"),
-        ({"noise": True}, "noise"), ({"clip": (1.0, -1.0)}, "a lower and a higher bound"), ({"scale": INF}, "finite"),
-        ({"delay": 11.0}, "0 to 10 s"), ({"seed": -1}, "whole number"), ({"seed": 0.5}, "whole number"),
+        ({"distribution": "pink"}, "one of ('uniform', 'normal')"), ({"offset": (0.0, INF, 0.0)}, "offset"),
+        ({"clip": (1.0, -1.0)}, "a lower and a higher bound"), ({"delay": 11.0}, "0 to 10 s"),
+        ({"scale": INF}, "finite"), ({"seed": 0.5}, "whole number"),
     ],
     (HeightScan.of, "height_scan"): [(("isaac_gym",), "choose one of")],
     (MotionConfig, "parameter"): [
         ({"mode": "guess"}, "choose"), ({"changes": "guess"}, "choose"), ({"max_interval": 0.0}, "max_interval"),
-        ({"max_velocity": NAN}, "max_velocity"), ({"settle": 0.0}, "settle"), ({"noise": NAN}, "noise"),
-        *(({"min_interval": value}, "min_interval") for value in (1.0, -1.0)),
-        *(({"smoothing": value}, "smoothing") for value in (-1.0, NAN, 11.0, "some")),
-        ({"max_interval": None}, "max_interval"), ({"noise": "little"}, "noise"),
+        ({"max_velocity": NAN}, "max_velocity"), ({"settle": 0.0}, "settle"), ({"noise": "little"}, "noise"),
+        *(({"min_interval": value}, "min_interval") for value in (1.0, -1.0)), ({"smoothing": 11.0}, "smoothing"),
     ],
     (geometry, "geometry"): [
-        ({"rows": 2}, "3 x 3"), ({"columns": 0}, "3 x 3"), ({"origin": (0.0, INF, 0.0)}, "origin"),
-        ({"yaw": NAN}, "yaw"), *(({"resolution": value}, "resolution") for value in (0.0, -0.1, NAN)),
-        *(({"rows": rows}, "whole numbers") for rows in (5.0, "5", None)),
-        *(({"origin": origin}, "three numbers") for origin in (None, 0.0, ("x", 0.0, 0.0))),
-        ({"resolution": None}, "resolution is None"), ({"yaw": "north"}, "yaw is north"),
+        ({"rows": 2}, "3 x 3"), ({"columns": 0}, "3 x 3"), ({"rows": 5.0}, "whole numbers"), ({"yaw": NAN}, "yaw"),
+        ({"origin": (0.0, INF, 0.0)}, "origin"), ({"origin": ("x", 0.0, 0.0)}, "three numbers"),
+        *(({"resolution": value}, "resolution") for value in (0.0, NAN)), ({"yaw": "north"}, "yaw is north"),
     ],
     (geometry, "size"): [
         ({"rows": count, "columns": count}, "too many") for count in (2**20, np.int32(2**16), np.uint16(65535))
@@ -83,10 +77,9 @@ REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
         ({"resolution": None, "geometry": (9, 12)}, "pass GridGeometry(rows=..., ...)"),
         ({"geometry": GridGeometry(rows=9, columns=12, resolution=0.2)}, "resolution is given twice"),
     ],
-    (checked_points, "length"): [(([[0.0]],), "(N, 2)"), (([0.0, 0.0],), "(N, 2)"), (([["a", "b"]],), "real numbers")],
+    (checked_points, "length"): [(([0.0, 0.0],), "(N, 2)"), (([["a", "b"]],), "real numbers")],
     (checked_points, "non_finite"): [
-        (([[NAN, 0.0]],), "finite"), (([[0.0, INF]],), "finite"),
-        ((np.ma.masked_equal([[0.0, -9.0]], -9.0),), "finite"),
+        (([[0.0, INF]],), "finite"), ((np.ma.masked_equal([[0.0, -9.0]], -9.0),), "finite"),
     ],
     (checked_points, "geometry"): [(([[-1e300, 0.0]],), "m away")],
     (rays, "length"): [(([[0, 0, 1]], [[0, 0, -1], [0, 0, 1]]), "both must be"), (([[0, 0]], [[0, 0]]), "both")],
@@ -96,23 +89,20 @@ REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
     (rays, "range"): [(([[0, 0, 1]], DOWN, reach), "range") for reach in (0.0, INF, None, "far")],
     (rays, "type"): [(([["a", 0, 1]],), "no real numbers")],
     (places, "length"): [((points,), "real numbers of shape (N, 2)")
-                         for points in ([], None, [[0.0, 0.0, 0.0]], np.zeros((2, 2, 2)), [["a", "b"]], [[1j, 0.0]])],
+                         for points in ([], [[0.0, 0.0, 0.0]], np.zeros((2, 2, 2)), [[1j, 0.0]])],
     (flat, "parameter"): [({"motion": "hold"}, "pass MotionConfig(mode=...)")],
     (flat, "type"): [
         ({"material": given}, "pass Material(friction=..., ...)") for given in ({"friction": 0.5}, np.ones((9, 12)))
     ],
-    (Deck, "thickness"): [
-        ({"thickness": given}, "zero or more") for given in (-1.0, NAN, "thin", None, [0.1])
-    ],
+    (Deck, "thickness"): [({"thickness": given}, "zero or more") for given in (-1.0, NAN, [0.1])],
     (Terrain().put, "name"): [
         ((name, made), "must be a text") for name in (3, None) for made in (flat(), Deck(flat()))
     ],
     (partial(HeightScan().read, flat()), "length"): [
-        ((poses, 0.0), "x, y, z and yaw of each") for poses in ([[0, 0, 0]], "here", [["a", "b", "c", "d"]])
+        ((poses, 0.0), "x, y, z and yaw of each") for poses in ([[0, 0, 0]], [["a", "b", "c", "d"]])
     ],
     (partial(Box, 1.0, 1.0, 1.0), "geometry"): [
-        ({"centre": centre}, "three numbers")
-        for centre in ((1.0, 2.0), (), None, "abc", (0.0, 0.0, NAN), (0.0, 0.0, 1e9))
+        ({"centre": centre}, "three numbers") for centre in ((1.0, 2.0), None, (0.0, 0.0, NAN), (0.0, 0.0, 1e9))
     ],
     (mesh, "length"): [
         ((PLACES[:, :2],), "(V, 3)"), ((PLACES, [[0, 1]]), "(T, 3)"), ((PLACES, np.zeros((0, 3), int)), "at least one"),

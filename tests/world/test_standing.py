@@ -1,6 +1,7 @@
 """Bodies and robots spawned on the ground: how far above it, how tilted, how fast, and where they are refused."""
 
 import math
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,9 @@ from hypothesis import strategies as st
 from smartmesh_ros import BodyState, Box, Capsule, Cylinder, HeightMap, InputError, Sphere, Terrain, World
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.world.joints import JointCommand
-from tests.bodies import reach, rotation, surface_of
+from tests import urdfs
+from tests.bodies import about_z, reach, rotation, surface_of
 from tests.grounds import shaped
-from tests.urdfs import ROVER
 
 DATA = Path(pybullet_data.getDataPath())
 ROBOTS = (
@@ -27,10 +28,16 @@ SHAPES: dict[str, Shape] = {
 }  # fmt: skip
 # Distance between the samples in which a lowest point is found [m], or more.
 FOUND = 2e-4
+RISE = 0.4  # of a slope along x
+UP = np.array([-RISE, 0.0, 1.0]) / math.hypot(RISE, 1.0)  # from it
 
 
 def hills(amplitude: float = 0.3) -> HeightMap:
     return shaped(lambda x, y: amplitude * np.sin(0.7 * x) * np.cos(0.6 * y), 161)
+
+
+def slope() -> HeightMap:
+    return shaped(lambda x, y: RISE * x, 81)
 
 
 @settings(max_examples=25, deadline=None)
@@ -56,22 +63,20 @@ def test_the_lowest_point_has_the_clearance(
 
 @pytest.mark.parametrize("kind", SHAPES)
 def test_on_a_slope_a_body_touches_it_however_it_is_turned(kind: str) -> None:
-    slope = np.tile(0.1 * 0.4 * np.arange(81), (81, 1))
-    up = np.array([-0.4, 0.0, 1.0]) / math.hypot(0.4, 1.0)
-    with World(HeightMap(slope, resolution=0.1)) as world:
+    with World(slope()) as world:
         for number, turn in enumerate(np.random.default_rng(3).normal(size=(8, 4))):
             a, b, c, d = (turn / np.linalg.norm(turn)).tolist()
-            world.spawn(f"{number}", SHAPES[kind], 1.0, BodyState((4.0, 4.0, 0.0), (a, b, c, d)), on_ground=True)
+            world.spawn(f"{number}", SHAPES[kind], 1.0, BodyState(orientation=(a, b, c, d)), on_ground=True)
             state = world.state(f"{number}")
-            distance = (np.array(state.position) - (4.0, 4.0, 1.6)) @ up
-            assert distance == pytest.approx(reach(SHAPES[kind], up @ rotation(np.array(state.orientation))), abs=FOUND)
+            distance = reach(SHAPES[kind], UP @ rotation(np.array(state.orientation)))
+            assert state.position @ UP == pytest.approx(distance, abs=FOUND)
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_robots_rest_where_they_were_put(robot: str) -> None:
     with World(hills(0.2)) as world:
         for name, place in (("one", (0.3, 0.2)), ("other", (-2.1, 1.7))):
-            state = BodyState((*place, 0.0), (0.0, 0.0, math.sin(0.35), math.cos(0.35)))
+            state = BodyState((*place, 0.0), about_z(0.7))
             world.spawn_robot(name, str(DATA / robot), state, on_ground=True, align=True)
             for joint in world.bodies[name].joints:
                 world.command(name, joint, JointCommand(position=0.0))
@@ -82,30 +87,24 @@ def test_robots_rest_where_they_were_put(robot: str) -> None:
 
 
 def test_alignment_follows_the_slope_and_keeps_the_heading() -> None:
-    slope = np.tile(0.1 * 0.4 * np.arange(81), (81, 1))  # rises by 0.4 a metre along x
-    with World(HeightMap(slope, resolution=0.1)) as world:
-        heading = BodyState((4.0, 4.0, 0.0), (0.0, 0.0, math.sin(0.3), math.cos(0.3)))
+    with World(slope()) as world:
+        heading = BodyState(orientation=about_z(0.6))
         world.spawn("box", Box(0.6, 0.4, 0.2), 1.0, heading, on_ground=True, align=True)
         state = world.state("box")
     axes = rotation(np.array(state.orientation))
-    up = np.array([-0.4, 0.0, 1.0]) / math.hypot(0.4, 1.0)
-    np.testing.assert_allclose(axes[:, 2], up, atol=1e-3)
+    np.testing.assert_allclose(axes[:, 2], UP, atol=1e-3)
     assert math.atan2(axes[1, 0], axes[0, 0]) == pytest.approx(0.6, abs=0.1)
-    assert (np.array(state.position) - (4.0, 4.0, 1.6)) @ up == pytest.approx(0.1, abs=FOUND)
+    assert state.position @ UP == pytest.approx(0.1, abs=FOUND)
 
 
 def test_a_robot_on_legs_as_thin_as_wires_stands_on_them() -> None:
     """Which are between all samples of its underside."""
-    shape = "<collision><geometry><{}/></geometry></collision>"
-    box, wire = 'box size="0.6 0.4 0.1"', 'cylinder radius="0.001" length="0.4"'
-    base = f'<link name="base">{shape.format(box)}</link>'
-    legs = ""
-    for number, (x, y) in enumerate(((0.211, 0.137), (0.211, -0.137), (-0.211, 0.137), (-0.211, -0.137))):
-        legs += f'<link name="leg{number}">{shape.format(wire)}</link>'
-        legs += f'<joint name="j{number}" type="fixed"><parent link="base"/><child link="leg{number}"/>'
-        legs += f'<origin xyz="{x} {y} -0.15"/></joint>'
+    parts, wire = [urdfs.link("base", urdfs.box((0.6, 0.4, 0.1)))], '<cylinder radius="0.001" length="0.4"/>'
+    for number, (x, y) in enumerate(product((0.211, -0.211), (0.137, -0.137))):
+        leg = urdfs.joint(f"joint{number}", "fixed", "base", f"leg{number}", xyz=f"{x} {y} -0.15")
+        parts += [urdfs.link(f"leg{number}", wire), leg]
     with World(hills(0.0)) as world:
-        world.spawn_robot("table", f'<robot name="table">{base}{legs}</robot>', BodyState(), on_ground=True)
+        world.spawn_robot("table", urdfs.robot(*parts), BodyState(), on_ground=True)
         assert world.base_state("table").position[2] == pytest.approx(0.35, abs=FOUND)
 
 
@@ -138,7 +137,7 @@ def test_over_holes_beside_the_map_and_without_one_it_is_refused(place: tuple[fl
     with World(ground) as world:
         for spawn in (
             lambda: world.spawn("body", Box(0.6, 0.6, 0.6), 1.0, state, on_ground=True),
-            lambda: world.spawn_robot("body", ROVER, state, on_ground=True, align=True),
+            lambda: world.spawn_robot("body", urdfs.ROVER, state, on_ground=True, align=True),
         ):
             with pytest.raises(InputError, match=words) as caught:
                 spawn()

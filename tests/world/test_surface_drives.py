@@ -12,30 +12,27 @@ import pytest
 from smartmesh_ros import BodyState, Box, Ground, InputError, Sphere, World
 from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Belt
+from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.robots.prepared import prepare_robot
 from tests import urdfs
-from tests.bodies import put, run
-from tests.grounds import shaped, world_of
+from tests.bodies import about_y, put, run
+from tests.grounds import add, shaped, world_of
 from tests.tracked import NAME, UNDERCARRIAGE, drive, slope, speed, standing
 
 BLOCK = urdfs.robot(urdfs.link("box", urdfs.box((0.4, 0.3, 0.2)), 1.0, (0.4, 0.3, 0.2)))
 
 
-@pytest.mark.parametrize("is_robot", [False, True])
+@pytest.mark.parametrize(("body", "link"), [(Box(0.4, 0.3, 0.2), ""), (BLOCK, "box")], ids=["body", "robot"])
 @pytest.mark.parametrize("degrees", [7.0, 27.0, 30.0, 33.0, 40.0])
-def test_a_driven_surface_pulls_no_more_than_friction_allows(degrees: float, is_robot: bool) -> None:
+def test_a_driven_surface_pulls_no_more_than_friction_allows(degrees: float, body: Shape | str, link: str) -> None:
     """Up a slope that is too steep, a box slides down by the law of Coulomb, as fast as its surface may run."""
     friction, gravity, angle, time, speed_ = 0.5, 9.81, math.radians(degrees), 2.0, 1.0
     up = np.array([math.cos(angle), 0.0, math.sin(angle)])
-    turn = (0.0, -math.sin(angle / 2.0), 0.0, math.cos(angle / 2.0))
-    start = BodyState((-0.1 * math.sin(angle), 0.0, 0.1 * math.cos(angle)), turn)
+    start = BodyState((-0.1 * math.sin(angle), 0.0, 0.1 * math.cos(angle)), about_y(-angle))
     with world_of(shaped(lambda x, y: math.tan(angle) * x, 121, 0.25), friction=friction, sleep=False) as world:
-        if is_robot:
-            world.spawn_robot("box", BLOCK, start)
-        else:
-            world.spawn("box", Box(0.4, 0.3, 0.2), 1.0, start)
-        world.drive_surface("box", "box" if is_robot else "", speed_, axis=(0.0, 1.0, 0.0))
+        add(world, "box", body, start)
+        world.drive_surface("box", link, speed_, axis=(0.0, 1.0, 0.0))
         world.step(round(time * 240))
         way = float((np.array(world.state("box").position) - start.position) @ up)
     slides = gravity * (math.sin(angle) - friction * math.cos(angle))
@@ -71,9 +68,7 @@ def test_what_has_no_surface_on_the_ground_is_refused(driven: World) -> None:
         ("nobody", "", 1.0, (0.0, 1.0, 0.0), "no body"),
         ("hand", "", 1.0, (0.0, 1.0, 0.0), "not simulated"),
         (NAME, "wheel", 1.0, (0.0, 1.0, 0.0), "'left_track_link'"),
-        (NAME, "left_track_link", math.nan, (0.0, 1.0, 0.0), "finite"),
         (NAME, "left_track_link", 1e9, (0.0, 1.0, 0.0), "finite"),
-        (NAME, "left_track_link", 1.0, (0.0, 0.0, 0.0), "zero"),
         (NAME, "left_track_link", 1.0, (0.0, math.inf, 0.0), "zero"),
     ):
         with pytest.raises(InputError, match=words):
@@ -103,11 +98,8 @@ DRIVE = '<surface_drive name="left_track" link="left_track_link"><axis xyz="0 1 
         (DRIVE.replace("left_track", "slew", 1), "of a joint"),
         (DRIVE.replace("left_track_link", "wheel"), "'wheel', which does not exist"),
         (DRIVE.replace("left_track_link", "right_track_link"), "one surface"),
-        (DRIVE.replace("0 1 0", "0 0 0"), "axis .* zero"),
         (DRIVE.replace("0 1 0", "0 1e-200 0"), "axis .* zero"),
         (DRIVE.replace("0 1 0", "0 1e200 0"), "no length"),
-        (DRIVE.replace("0 1 0", "0 1"), "3 numbers"),
-        (DRIVE.replace("0 1 0", "0 1 nan"), "finite"),
         (DRIVE.replace('<axis xyz="0 1 0"/>', ""), "0 elements <axis>"),
         (DRIVE.replace('<limit velocity="1.5"/>', ""), "0 elements <limit>"),
         (DRIVE.replace("1.5", "fast"), "a number"),

@@ -7,7 +7,6 @@ import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial, reduce
-from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from rcl_interfaces.msg import SetParametersResult
@@ -15,6 +14,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError, naming
+from smartmesh_ros.io.files import expanded
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.declaring import Spec
@@ -238,8 +238,9 @@ def announce(node: Node, settings: Settings) -> None:
 def _note_absent(node: Node, folders: Sequence[str]) -> None:
     """Logs a warning for each folder of ``bodies.urdf_folders`` that does not exist; it may be made later."""
     for folder in folders:
-        if not Path(folder).expanduser().is_dir():
-            words = f"bodies.urdf_folders has {folder!r}, but there is no folder {Path(folder).expanduser().absolute()}"
+        path = expanded(folder)
+        if not path.is_dir():
+            words = f"bodies.urdf_folders has {folder!r}, but there is no folder {path.absolute()}"
             node.get_logger().warning(f"{words}; give the path of a folder on the machine of this node")
 
 

@@ -12,6 +12,7 @@ from urllib.parse import unquote
 import pybullet_data
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.io.files import expanded
 from smartmesh_ros.io.urdf import UrdfRules, checked_urdf, require_inside
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.services.turns import NextTurn
@@ -52,7 +53,7 @@ def with_package_paths(urdf: str) -> str:
 def allowed_folders(settings: Settings) -> tuple[Path, ...]:
     """Return the folders from which peers may let files be loaded."""
     if settings.urdf_folders:
-        return tuple(Path(folder).expanduser() for folder in settings.urdf_folders)
+        return tuple(map(expanded, settings.urdf_folders))
     return Path(pybullet_data.getDataPath()), *(prefix / "share" for prefix in ament_prefixes())
 
 

@@ -64,8 +64,8 @@ class WorldFile:
 
 def folders_of_worlds(settings: Settings) -> tuple[Path, ...]:
     """Return the folders that the parameters name: those of ``bodies.urdf_folders``, and that of ``terrain.file``."""
-    named = [Path(folder).expanduser() for folder in settings.urdf_folders]
-    return *named, *([Path(settings.file).expanduser().resolve().parent] if settings.file else [])
+    named = map(files.expanded, settings.urdf_folders)
+    return *named, *([files.expanded(settings.file).resolve().parent] if settings.file else [])
 
 
 def world_of(resource: Any, settings: Settings) -> WorldFile:

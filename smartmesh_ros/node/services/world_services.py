@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.io.files import expanded
 from smartmesh_ros.node.parameters.settings import MOST_BODIES
 from smartmesh_ros.node.services.body_entries import Entry
 from smartmesh_ros.node.services.files import with_package_paths
@@ -39,7 +40,7 @@ class WorldServices:
     def __init__(self, standard: Standard, node: Any) -> None:
         self._standard, self._session, self._node = standard, standard.session, node
         if file := standard.session.settings.file:
-            path = Path(file).expanduser().resolve()
+            path = expanded(file).resolve()
             raster = standard.session.settings.raster
             standard.world = WorldFile(name=path.stem, uri=path.as_uri(), terrain=str(path), raster=raster)
         standard.serve("LoadWorld", self._load, _LOADING)

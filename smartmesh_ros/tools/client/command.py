@@ -22,13 +22,11 @@ from typing import Any
 
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import Point, Pose, Quaternion
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile
-from rclpy.serialization import deserialize_message
 from rclpy.utilities import try_shutdown
 from shape_msgs.msg import SolidPrimitive
-from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
+from smartmesh_msgs.msg import TrackedBody
 
 from smartmesh_ros.errors import InputError, suggestion
 from smartmesh_ros.node.parameters.helping import own_arguments
@@ -40,6 +38,7 @@ from smartmesh_ros.tools.client.parameters import parameter_from
 from smartmesh_ros.tools.client.remote import BEST, Remote, colliders
 from smartmesh_ros.tools.client.robot_text import text_of
 from smartmesh_ros.tools.client.sight import KINDS
+from smartmesh_ros.tools.messages import pose_message
 from smartmesh_ros.tools.replay.bag import class_of
 
 SHAPES = {
@@ -97,9 +96,7 @@ def spawn(caller: Caller, options: argparse.Namespace) -> str:
         fields["urdf"] = text_of(options.urdf)
     elif chosen:
         fields["shape"] = SolidPrimitive(type=SHAPES[chosen[0]][0], dimensions=getattr(options, chosen[0]))
-    x, y = options.at
-    turn = Quaternion(z=math.sin(0.5 * options.yaw), w=math.cos(0.5 * options.yaw))
-    fields["pose"] = Pose(position=Point(x=x, y=y, z=options.z or 0.0), orientation=turn)
+    fields["pose"] = pose_message((*options.at, options.z or 0.0), options.yaw)
     return caller.call("spawn_body", **fields) or f"{options.name} is there"
 
 
@@ -119,13 +116,12 @@ def show_bodies(caller: Caller, _: argparse.Namespace) -> str:
         """Whether the bodies of the newest messages are the same: a latched description may be an old one."""
         for topic, messages in came.items():
             sight.take(topic, messages[-1])
-        simulated = {name for name, body in sight.appearances.items() if not body.tracked}
-        return simulated == {body.id for body in deserialize_message(came["body_states"][-1], TrackedBodyArray).bodies}
+        return sight.poses.keys() == {name for name, body in sight.appearances.items() if not body.tracked}
 
     caller.wait_for(complete, "description of all bodies")
     kinds = {number: name for name, (number, _) in SHAPES.items()}
     for name, body in sight.appearances.items():
-        kind = "robot" if body.urdf else kinds.get(body.shape, "body")
+        kind = kinds.get(body.shape, "robot")
         size = " x ".join(f"{value:g}" for value in body.dimensions)
         if body.tracked:  # ~/body_states has simulated bodies alone
             how = "tracked, where the topic with its poses says"
@@ -257,7 +253,7 @@ def parser() -> argparse.ArgumentParser:
     spawns.add_argument("--z", type=float, help="height of the centre of mass [m]; default: on the ground")
     spawns.add_argument("--clearance", type=float, default=0.0, help="of the lowest point above the ground [m]")
     spawns.add_argument("--align", action="store_true", help="tilt it with the ground")
-    spawns.add_argument("--yaw", type=float, default=0.0, help="turn about z [rad]")
+    spawns.add_argument("--yaw", type=number(float, -1000.0, 1000.0), default=0.0, help="turn about z [rad]")
     command("remove", "remove bodies", remove).add_argument("names", nargs="+", metavar="NAME")
     echoes = command("echo", "print a topic of the node, such as body_states", echo)
     echoes.add_argument("topic")

@@ -155,13 +155,15 @@ class Remote:
         future.add_done_callback(lambda _: done("" if future.result().success else future.result().message))
 
     def apply_waiting(self) -> None:
-        """Apply all received messages to ``ground`` and ``sight``."""
+        """Apply all received messages to ``ground`` and ``sight``. Malformed ones are skipped, because the node reports
+        them."""
         self.ground.apply_waiting()
         for data in self._new.pop("scene", ()):
             self.ground.draw(data)
         for topic in KINDS:
             for data in self._new.pop(topic, ()):
-                self.sight.take(topic, data)
+                with suppress(InputError):
+                    self.sight.take(topic, data)
         for data in self._new.pop("collider_patches", ()):
             with suppress(InputError):
                 self.sight.patches = read_patches(data).onto(self.sight.patches)
@@ -241,6 +243,8 @@ class Remote:
 
 def _is_incremental(patches: bytes) -> bool:
     """Return True if the bytes of a ColliderPatchArray contain only changed patches."""
-    reader = CdrReader(patches)
-    reader.number("i"), reader.number("I"), reader.text()
-    return bool(reader.number("B"))
+    with suppress(InputError):
+        reader = CdrReader(patches)
+        reader.number("i"), reader.number("I"), reader.text()
+        return bool(reader.number("B"))
+    return True  # malformed

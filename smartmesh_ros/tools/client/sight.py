@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from geometry_msgs.msg import PoseArray
 from nav_msgs.msg import Odometry
-from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, ContactArray, TrackedBodyArray
+from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, ContactArray, TrackedBody, TrackedBodyArray
 
+from smartmesh_ros.ground.quaternions import rotated
+from smartmesh_ros.node.inputs.checked_messages import message_from
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.client.patch import Patch
 
@@ -43,12 +45,14 @@ class Pose(NamedTuple):
 @dataclass
 class Sight:
     """The newest state of everything but the terrain, in the terrain's ``frame``. ``poses``, ``appearances`` and
-    ``patches`` by body; ``asleep``: simulated bodies without any velocity; ``bases``: poses of robots' base links and
-    of decks, by frame as in ~/odometry; ``joints``: positions [rad, m] by name as in ~/joint_states; ``contacts``
-    (n, 7): position [m], normal and force [N] of each."""
+    ``patches`` by body; ``centres``: middle of a body that is a box, in its axes [m]; ``asleep``: simulated bodies
+    without any velocity; ``bases``: poses of robots' base links and of decks, by frame as in ~/odometry; ``joints``:
+    positions [rad, m] by name as in ~/joint_states; ``contacts`` (n, 7): position [m], normal and force [N] of
+    each."""
 
     frame: str = ""
     poses: dict[str, Pose] = field(default_factory=dict)
+    centres: dict[str, Vector] = field(default_factory=dict)
     appearances: dict[str, BodyDescription] = field(default_factory=dict)
     asleep: frozenset[str] = frozenset()
     bases: dict[str, Pose] = field(default_factory=dict)
@@ -70,7 +74,7 @@ class Sight:
     def radius_of(self, name: str) -> float:
         """Return the radius [m] of a body's bounding sphere around its centre."""
         known = self.appearances.get(name)
-        if known is None or known.urdf or not known.dimensions:
+        if known is None or not known.dimensions:
             return DEFAULT_RADIUS if known is None else ROBOT_RADIUS
         sizes = known.dimensions
         if known.shape == BodyDescription.BOX:
@@ -78,6 +82,12 @@ class Sight:
         if known.shape == BodyDescription.CYLINDER:
             return math.hypot(0.5 * sizes[0], sizes[1])
         return float(0.5 * sizes[0] + sizes[1] if known.shape == BodyDescription.CAPSULE else sizes[0])
+
+    def middles_of_boxes(self, names: Sequence[str]) -> FloatArray:
+        """Return the middles (n, 3) [m] of boxes, which may be beside their centres of mass."""
+        positions, turns = (np.array(values) for values in zip(*(self.poses[name] for name in names), strict=True))
+        offsets = np.array([self.centres.get(name, (0.0, 0.0, 0.0)) for name in names])
+        return np.asarray(positions + rotated(np.roll(turns, -1, axis=1), offsets))
 
     def hit(self, origin: FloatArray, direction: FloatArray) -> str | None:
         """Return the nearest body whose bounding sphere a ray (unit ``direction``) hits, or None."""
@@ -88,9 +98,12 @@ class Sight:
         return list(self.poses)[hit[along[hit].argmin()]] if hit.size else None
 
     def take(self, topic: str, data: bytes) -> None:
-        """Update with a message of a topic of `KINDS`."""
-        message = deserialize_message(data, KINDS[topic])
+        """Update with a message of a topic of `KINDS`. Raises `InputError` if it is malformed."""
+        message = message_from(data, KINDS[topic])
         if topic == "body_descriptions":
+            gone = self.appearances.keys() - {body.id for body in message.bodies}
+            for frame in [frame for frame in self.bases if frame.partition("/")[0] in gone]:
+                del self.bases[frame]  # a robot that comes again may have the short names of its URDF
             self.appearances = {body.id: body for body in message.bodies}
             self.poses = {name: pose for name, pose in self.poses.items() if name in self.appearances}
         elif topic == "joint_states":
@@ -100,20 +113,28 @@ class Sight:
         elif topic == "contacts":
             rows = [(*_xyz(c.position), *_xyz(c.normal), c.normal_force) for c in message.contacts]
             self.contacts = np.array(rows).reshape(-1, 7)
-        elif topic == "body_states" or message.header.frame_id.strip("/") in ("", self.frame):
-            self.poses.update(_poses_of(message))
-        if topic == "body_states":
+        elif topic == "body_states":
             self.frame = message.header.frame_id
+            # It has all simulated bodies: others are gone, or tracked.
+            tracked = {name for name, body in self.appearances.items() if body.tracked}
+            self.poses = {name: pose for name, pose in self.poses.items() if name in tracked}
+            self._place(message.bodies)
             # Only the velocities of sleeping bodies are exactly zero.
             moving = (body.id for body in message.bodies if any(_xyz(body.twist.linear) + _xyz(body.twist.angular)))
             self.asleep = frozenset(body.id for body in message.bodies) - frozenset(moving)
+        elif message.header.frame_id.strip("/") in ("", self.frame):
+            self._place(_bodies_of(message))
+
+    def _place(self, bodies: Iterable[TrackedBody]) -> None:
+        for body in bodies:
+            self.poses[body.id], self.centres[body.id] = _pose(body.pose), tuple(body.centre.tolist())
 
 
-def _poses_of(message: Any) -> dict[str, Pose]:
-    """Return the poses of bodies by name; a PoseArray numbers its bodies."""
+def _bodies_of(message: Any) -> list[TrackedBody]:
+    """Return the bodies of a message; a PoseArray numbers its own."""
     if isinstance(message, PoseArray):
-        return {f"body_{number}": _pose(pose) for number, pose in enumerate(message.poses)}
-    return {body.id: _pose(body.pose) for body in message.bodies}
+        return [TrackedBody(id=f"body_{number}", pose=pose) for number, pose in enumerate(message.poses)]
+    return list(message.bodies)
 
 
 def _xyz(message: Any) -> Vector:

@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 import rclpy
 from ament_index_python.packages import get_package_prefix
-from geometry_msgs.msg import Point, Pose
 from sensor_msgs.msg import JointState
 from shape_msgs.msg import SolidPrimitive
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.fleet.command import processes
 from smartmesh_ros.node.running import Stop, init
 from smartmesh_ros.scenes.eight import robot_file
 from smartmesh_ros.startup.arguments import Parser, make_folder, number
@@ -35,6 +35,7 @@ from smartmesh_ros.tools.client.command import Caller
 from smartmesh_ros.tools.client.remote import OUTPUTS, Remote
 from smartmesh_ros.tools.demo import demo_pictures
 from smartmesh_ros.tools.demo.demo_pictures import Frame
+from smartmesh_ros.tools.messages import pose_message
 
 SOURCE = {
     "scene": "elevation", "rate": 30.0, "resolution": 0.25, "relief": 3.0,
@@ -50,7 +51,11 @@ SHAPES = (
     SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.6, 0.4, 0.3]),
     SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[0.4, 0.25]),
 )
-BODIES = 24
+# Where two dozen bodies start, in a ring for each shape [m].
+PLACES = [
+    (reach * math.cos(angle), reach * math.sin(angle))
+    for reach, angle in zip(8 * (5.0, 7.0, 9.0), 2.0 * math.pi * np.arange(24) / 24, strict=True)
+]
 # What the demo must receive.
 RECEIVED = (*WATCHED, "timing", "body_descriptions", "diagnostics")
 START_TIMEOUT = 60.0  # [s]
@@ -85,13 +90,10 @@ class Demo:
         )  # fmt: skip
 
     def spawn_all(self) -> None:
-        """Spawn two dozen bodies of three shapes in rings, and a wheeled robot."""
+        """Spawn bodies of three shapes, and a wheeled robot."""
         # Bodies spawned before the node has a map would fall, and be below the ground when the map arrives.
         self.caller.wait_for(lambda: self.remote.tasks and int(self._value("terrain", "tiles")), "map in the node")
-        for index in range(BODIES):
-            angle = 2.0 * math.pi * index / BODIES
-            reach = 5.0 + 2.0 * (index % 3)
-            x, y = reach * math.cos(angle), reach * math.sin(angle)
+        for index, (x, y) in enumerate(PLACES):
             self._spawn(f"{['ball', 'box', 'can'][index % 3]}_{index}", x, y, 0.4, shape=SHAPES[index % 3])
         self._spawn(ROBOT, -4.0, 0.0, 0.02, urdf=str(robot_file()), align=True)
 
@@ -132,31 +134,23 @@ class Demo:
         return ", ".join([*words, *(f"{count} {what}" for what, count in counts.items() if count)])
 
     def _spawn(self, name: str, x: float, y: float, clearance: float, **what: Any) -> None:
-        pose = Pose(position=Point(x=x, y=y))
+        pose = pose_message((x, y, 0.0))
         self.caller.call("spawn_body", id=name, mass=5.0, pose=pose, on_ground=True, clearance=clearance, **what)
 
 
 @contextmanager
 def demo_running(remote: Remote) -> Iterator[Demo]:
     """Run the demo's nodes, each in its own process, with its bodies and robot, for the length of the block."""
-    with _node_process("terrain_source", SOURCE) as source, _node_process("terrain_collider", COLLIDER) as collider:
+    commands: dict[str, list[str]] = {}
+    for name, parameters in (("terrain_source", SOURCE), ("terrain_collider", COLLIDER)):
+        given = [word for key, value in parameters.items() for word in ("-p", f"{key}:={value}")]
+        path = Path(get_package_prefix("smartmesh_ros")) / "lib" / "smartmesh_ros" / name
+        commands[name] = [str(path), "--ros-args", *given]
+    with processes(commands) as nodes:
         print("starting terrain_source and terrain_collider ...", flush=True)
-        demo = Demo(remote, {"terrain_source": source, "terrain_collider": collider})
+        demo = Demo(remote, nodes)
         demo.spawn_all()
         yield demo
-
-
-@contextmanager
-def _node_process(name: str, parameters: dict[str, Any]) -> Iterator[subprocess.Popen[bytes]]:
-    """Run an installed executable of the package as a process for the length of the block."""
-    path = Path(get_package_prefix("smartmesh_ros")) / "lib" / "smartmesh_ros" / name
-    given = [word for key, value in parameters.items() for word in ("-p", f"{key}:={value}")]
-    process = subprocess.Popen([str(path), "--ros-args", *given], stdout=subprocess.DEVNULL)
-    try:
-        yield process
-    finally:
-        process.terminate()
-        process.wait(10)
 
 
 def watch(demo: Demo, seconds: float) -> tuple[list[Frame], int]:

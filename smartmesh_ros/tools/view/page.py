@@ -59,7 +59,7 @@ class Page:
 
 def url_of(host: str, port: int) -> str:
     """Return the address by which a browser on this machine finds a page."""
-    shown = "localhost" if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
+    shown = "localhost" if host in ("", "0.0.0.0", "::") else f"[{host}]" if ":" in host else host
     return f"http://{shown}:{port}"
 
 
@@ -67,7 +67,7 @@ def start_server(host: str, port: int, label: str | None = None) -> Any:
     """Start a viser server at a ``port``, 0 = any free port, without viser's own output. Raises `InputError`."""
     try:
         run(_listen(host))
-    except OSError as error:
+    except (OSError, UnicodeError) as error:  # UnicodeError: no name, such as "a..b"
         words = "name an address of this machine, such as 127.0.0.1, or 0.0.0.0 for all"
         raise InputError("host", f"the page cannot listen on {host!r}: {error}; {words}") from None
     # Browsers open connections without using them, which websockets reports as errors.

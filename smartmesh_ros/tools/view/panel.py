@@ -8,12 +8,12 @@ from time import monotonic
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import Point, Pose, Quaternion
 from shape_msgs.msg import SolidPrimitive
 from viser import uplot
 
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.client.remote import Remote
+from smartmesh_ros.tools.messages import pose_message
 from smartmesh_ros.tools.view.camera import Cameras
 from smartmesh_ros.tools.view.looks import Entry, PatchLook
 from smartmesh_ros.tools.view.scene import Scene
@@ -140,10 +140,8 @@ class Panel:
         self._spawned += 1
         while (name := f"{self._click.value.rpartition(' ')[2]}_{self._spawned}") in self._remote.sight.appearances:
             self._spawned += 1
-        self._call(
-            "spawn_body", id=name, shape=shape, mass=DENSITY * volume * size**3,
-            pose=Pose(position=Point(x=x, y=y, z=z + ABOVE * size), orientation=Quaternion(w=1.0)),
-        )  # fmt: skip
+        pose = pose_message((x, y, z + ABOVE * size))
+        self._call("spawn_body", id=name, shape=shape, mass=DENSITY * volume * size**3, pose=pose)
 
     def _show_selected(self) -> None:
         """Mark the selected body, and tell its position and the size of its patches."""

@@ -77,18 +77,21 @@ class Scene:
         for name, known in sight.appearances.items():
             if name not in sight.poses or (name in self._robots and self._robots[name].readable):
                 continue
-            groups[UNKNOWN if known.urdf else (known.shape, tuple(known.dimensions), known.tracked)].append(name)
+            shape = (known.shape, tuple(known.dimensions), known.tracked)
+            groups[shape if known.dimensions else UNKNOWN].append(name)
         for shape in self._bodies.keys() - groups.keys():
             self._bodies.pop(shape).remove()
         for shape, names in groups.items():
             poses = [sight.poses[name] for name in names]
             positions, turns = (np.array(values, np.float32) for values in zip(*poses, strict=True))
             kind, dimensions, tracked = shape
+            if kind == BodyDescription.BOX:
+                positions = sight.middles_of_boxes(names).astype(np.float32)
             colours = looks.body_colours(kind, tracked, [name in sight.asleep for name in names])
             batch = self._bodies.get(shape)
             if batch is None or len(batch.batched_positions) != len(names):
                 mesh = looks.with_edges(looks.shape_mesh(kind, dimensions))
-                sizes = "_".join(f"{value:g}" for value in dimensions)
+                sizes = "_".join(map(str, dimensions))
                 batch = self._bodies[shape] = self._scene.add_batched_meshes_simple(
                     f"/bodies/{kind}_{sizes}{'_tracked' * tracked}", mesh.vertices, mesh.faces, turns,
                     positions, batched_colors=colours, flat_shading=False, lod="off",

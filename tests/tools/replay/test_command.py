@@ -123,9 +123,10 @@ def test_a_parameter_file_is_that_of_the_node(bag: str, tmp_path: Path, capsys: 
         f"ns: {{other: {{ros__parameters: {{{spawn}, physics.rate: 100.0}}}}}}\nthird: {{ros__parameters: {{x: 1}}}}"
     )
     given = ["--ros-args", "--params-file", str(file), "-r", "__node:=other", "-r", "__ns:=/ns"]
-    remaps = ["-r", f"~/heightmap:={MAP}", "-r", "~/joint_commands:=/nothing"]
+    remaps = ["-r", f"~/heightmap:={MAP}", "-r", "~/joint_commands:=/nothing", "-r", "~/contacts:=touches"]
     assert main([bag, *given, *remaps, "-o", str(tmp_path / "out.mcap")]) == 0
-    assert "/ns/other/body_states" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "/ns/other/body_states" in said and "/ns/touches" in said
     assert "it is for /ns/other, /third, and this node is /terrain_collider" in words_of(
         capsys, bag, "--params-file", file
     )

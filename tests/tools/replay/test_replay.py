@@ -204,18 +204,6 @@ def test_parameters_that_changed_while_recording_change_again(replay: Make) -> N
         run.set(physics__rate=-1.0)
 
 
-def test_topics_are_remapped(replay: Make) -> None:
-    for old, new, topic in (
-        ("~/heightmap", "/maps", "/maps"),
-        ("/terrain_collider/heightmap", "maps", "/maps"),
-        ("__node", "other", "/other/heightmap"),
-        ("__ns", "/robot", "/robot/terrain_collider/heightmap"),
-    ):
-        run = replay([(topic, *level()[1:])], {"bodies.spawn": [BALL]}, remap={old: new}, keep=["body_states"])
-        run.run(0.1)
-        assert "ball" in run.world.bodies and run.received("body_states")
-
-
 def test_messages_of_another_type_are_refused(replay: Make) -> None:
     """What else is refused: test_command.py."""
     with pytest.raises(InputError, match="heightmap has tf2_msgs/msg/TFMessage, and must have smartmesh_msgs/msg"):

@@ -5,6 +5,7 @@ import io
 import math
 import subprocess
 import sys
+from collections import Counter, deque
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,12 +17,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
-from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate, TrackedBody, TrackedBodyArray
+from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, HeightmapUpdate, TrackedBody, TrackedBodyArray
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.client.patch import Patch
 from smartmesh_ros.tools.testing import TIMEOUT, Process, floats, heightmap_message, pose_message
+from tests.bodies import about_z, rotation
 from tests.examples import examples
 
 pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")
@@ -29,7 +31,8 @@ pytest.importorskip("viser", reason="viser is not installed; scripts/workspace r
 import trimesh
 
 from smartmesh_ros.tools.client.ground import Ground
-from smartmesh_ros.tools.client.sight import Pose, Sight
+from smartmesh_ros.tools.client.remote import Remote
+from smartmesh_ros.tools.client.sight import KINDS, Pose, Sight
 from smartmesh_ros.tools.view.main import main
 from smartmesh_ros.tools.view.page import Page, start_server, stop_server, url_of
 from smartmesh_ros.tools.view.robots import GAP, Robot
@@ -175,6 +178,17 @@ def test_no_ground_is_drawn_over_a_patch_that_has_moved_since_the_map(server: An
         assert found[(16, 20)] == pytest.approx(tile.heights[20, 16], abs=1e-5)
 
 
+def test_malformed_messages_are_skipped() -> None:
+    """Anybody may publish on the topics of the node's inputs, and the node refuses what is malformed."""
+    remote = Remote.__new__(Remote)
+    remote.ground, remote.sight, remote.counts, remote._new = Ground(), Sight(), Counter(), {}
+    for topic in KINDS:
+        remote._new[topic] = deque([serialize_message(TrackedBodyArray(bodies=[TrackedBody(id="a")]))[:-4], b""])
+    remote._take("collider_patches", b"")
+    remote.apply_waiting()
+    assert not remote.sight.poses and not remote.sight.patches
+
+
 def test_tracked_bodies_of_another_frame_are_not_drawn_where_they_are_not() -> None:
     sight = Sight()
     for topic, frame in (("body_states", "map"), ("tracked_bodies", "odom"), ("tracked_bodies", "/map")):
@@ -187,44 +201,50 @@ def test_tracked_bodies_of_another_frame_are_not_drawn_where_they_are_not() -> N
     assert sight.poses["body_1"].position == (1.0, 2.0, 3.0)
 
 
-def test_the_tiles_of_a_deck_are_drawn_and_clicked_where_its_odometry_says(server: Any) -> None:
+def test_a_body_that_was_removed_is_not_found_at_its_last_pose() -> None:
+    """Also if states of before its removal are read after the descriptions: the view reads the newest of each topic."""
+    sight = Sight()
+    crate = BodyDescription(id="crate", tracked=True)
+    tracked = TrackedBodyArray(bodies=[TrackedBody(id="crate")])
+    for names in (("ball", "box"), ("ball",)):
+        described = BodyDescriptionArray(bodies=[crate, *(BodyDescription(id=name) for name in names)])
+        sight.take("body_descriptions", serialize_message(described))
+        sight.take("tracked_bodies", serialize_message(tracked))
+        before = TrackedBodyArray(bodies=[TrackedBody(id=name) for name in ("ball", "box")])
+        sight.take("body_states", serialize_message(before))
+    sight.take("body_states", serialize_message(TrackedBodyArray(bodies=[TrackedBody(id="ball")])))
+    assert sight.poses.keys() == {"ball", "crate"}
+
+
+def test_tiles_and_patches_of_a_deck_are_drawn_and_clicked_where_its_odometry_says(server: Any) -> None:
+    """Also a patch of a moment ago, when the deck was elsewhere."""
     ground, sight = ground_of(np.zeros((11, 11)), resolution=1.0), Sight()
     ground.frames = sight.bases
-    message = heightmap_message(np.zeros((5, 5)), resolution=0.5, origin=(-1.0, -1.0, 0.25), tile="ferry/roof")
-    give(ground, message)
-    scene, drawn = TerrainScene(server.scene, period=0.0), server.scene._handle_from_node_name
+    tile = "ferry/roof"
+    give(ground, heightmap_message(np.zeros((5, 5)), resolution=0.5, origin=(-1.0, -1.0, 0.25), tile=tile))
+    scene, drawn = Scene(server), server.scene._handle_from_node_name
     eye, down = np.array([[4.0, 5.0, 9.0]]), np.array([[0.0, 0.0, -1.0]])
+    corners, turn = np.array([(0.0, 0.0), (0.5, 0.0), (0.0, 0.5)]), rotation(about_z(0.3))[:2, :2]
+    sight.patches["box"] = Patch(
+        name="box", kind="trimesh", tile=tile, row=0, column=0, stride=0, deviation=0.0, linear_w=np.zeros(3),
+        angular_w=np.zeros(3), vertices_w=np.column_stack([corners @ turn.T + (4.0, 5.0), np.ones(3)]),
+        triangles=np.array([[0, 1, 2]], np.uint32),
+    )  # fmt: skip
     for height in (2.0, 3.0):
         place = Odometry(child_frame_id="ferry")
         place.pose.pose = pose_message((4.0, 5.0, height), yaw=0.3)
         sight.take("odometry", serialize_message(place))
-        scene.show(ground, np.array([[4.0, 5.0, height]]), np.array([0.2]), [])
+        scene.show(ground, sight)
         frame, mesh = drawn["/decks/ferry"], drawn["/decks/ferry/terrain/tile_ferry%2Froof"]
         assert frame.position == pytest.approx([4.0, 5.0, height])
         assert frame.wxyz == pytest.approx([math.cos(0.15), 0.0, 0.0, math.sin(0.15)])
         low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
         np.testing.assert_allclose([low, high], [[-1.0, -1.0, 0.25], [1.0, 1.0, 0.25]], atol=1e-5)
+        patch = drawn["/decks/ferry/patches/mesh"]
+        np.testing.assert_allclose(patch.vertices[:, :2], corners, atol=1e-5)
+        np.testing.assert_allclose(patch.vertices[:, 2], 0.25, atol=0.01)
         assert ground.distances(eye, down) == pytest.approx(9.0 - height - 0.25)
     assert "/terrain/tile_" in drawn and "/terrain/tile_ferry%2Froof" not in drawn
-
-
-def test_a_patch_on_a_deck_is_drawn_on_it_where_the_deck_is_drawn(server: Any) -> None:
-    """The deck has moved since the patch."""
-    ground, sight = Ground(), Sight()
-    ground.frames = sight.bases
-    give(ground, heightmap_message(np.zeros((5, 5)), origin=(-1.0, -1.0, 0.25), resolution=0.5, tile="ferry"))
-    vertices = np.array([(4.0, 5.0, 1.0), (4.5, 5.0, 1.0), (4.0, 5.5, 1.0)])
-    sight.patches["box"] = Patch(
-        name="box", kind="trimesh", tile="ferry", row=0, column=0, stride=0, deviation=0.0, linear_w=np.zeros(3),
-        angular_w=np.zeros(3), vertices_w=vertices, triangles=np.array([[0, 1, 2]], np.uint32),
-    )  # fmt: skip
-    place = Odometry(child_frame_id="ferry")
-    place.pose.pose = pose_message((4.0, 5.0, 2.0))
-    sight.take("odometry", serialize_message(place))
-    Scene(server).show(ground, sight)
-    drawn = server.scene._handle_from_node_name["/decks/ferry/patches/mesh"]
-    np.testing.assert_allclose(drawn.vertices[:, :2], [(0.0, 0.0), (0.5, 0.0), (0.0, 0.5)], atol=1e-5)
-    np.testing.assert_allclose(drawn.vertices[:, 2], 0.25, atol=0.01)
 
 
 def test_a_tile_is_drawn_whatever_the_names_of_others_and_stays_when_they_go(server: Any) -> None:
@@ -304,6 +324,49 @@ def test_each_of_two_robots_is_where_its_own_frame_is(server: Any) -> None:
     assert "/labels/one" not in labels
 
 
+def test_a_box_is_drawn_where_its_centre_is(server: Any) -> None:
+    """Beside the centre of mass, and turned with the body."""
+    sight, size = Sight(), [0.4, 0.2, 0.2]
+    described = BodyDescription(id="hand", tracked=True, shape=BodyDescription.BOX, dimensions=size)
+    sight.take("body_descriptions", serialize_message(BodyDescriptionArray(bodies=[described])))
+    pose = pose_message((1.0, 2.0, 3.0), yaw=0.5 * math.pi)
+    body = TrackedBody(id="hand", pose=pose, shape=TrackedBody.SHAPE_BOX, dimensions=size, centre=[0.25, 0.0, 0.5])
+    sight.take("tracked_bodies", serialize_message(TrackedBodyArray(bodies=[body])))
+    Scene(server).show(Ground(), sight)
+    [box] = [handle for path, handle in server.scene._handle_from_node_name.items() if path.startswith("/bodies/")]
+    np.testing.assert_allclose(box.batched_positions, [[1.0, 2.25, 3.5]], atol=1e-6)
+
+
+def test_a_robot_whose_file_was_deleted_is_a_ball(server: Any) -> None:
+    """The node describes it anew, then without its text, when another body comes."""
+    pose = Pose((1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0))
+    sight = Sight(poses={"r": pose}, appearances={"r": BodyDescription(shape=BodyDescription.ROBOT, urdf_file="/gone")})
+    Scene(server).show(Ground(), sight)
+    [ball] = [handle for path, handle in server.scene._handle_from_node_name.items() if path.startswith("/bodies/")]
+    assert ball.batched_positions.tolist() == [[1.0, 2.0, 3.0]]
+
+
+def test_bodies_of_nearly_the_same_size_are_all_drawn(server: Any) -> None:
+    sizes = {"one": 0.25, "two": 0.2500001}
+    appearances = {name: BodyDescription(shape=BodyDescription.SPHERE, dimensions=[r]) for name, r in sizes.items()}
+    poses = {name: Pose((100.0 * r, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)) for name, r in sizes.items()}
+    Scene(server).show(Ground(), Sight(poses=poses, appearances=appearances))
+    assert sum(path.startswith("/bodies/") for path in server.scene._handle_from_node_name) == 2
+
+
+def test_a_robot_that_comes_again_under_its_short_names_is_not_where_it_was(server: Any) -> None:
+    """Its frames had a prefix while another robot had the short names."""
+    sight = Sight()
+    for names, frame, x in ((("one", "two"), "two/b", 1.0), (("one",), "b", 2.0), (("two",), "b", 5.0)):
+        bodies = [BodyDescription(id=name, shape=BodyDescription.ROBOT, urdf=URDF) for name in names]
+        sight.take("body_descriptions", serialize_message(BodyDescriptionArray(bodies=bodies)))
+        place = Odometry(child_frame_id=frame)
+        place.pose.pose = pose_message((x, 0.0, 1.0))
+        sight.take("odometry", serialize_message(place))
+    Scene(server).show(Ground(), sight)
+    assert server.scene._handle_from_node_name["/labels/two"].position[0] == pytest.approx(5.0)
+
+
 def test_a_page_is_refreshed_by_the_thread_that_sends_it(server: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """From another thread, viser now and then failed with "deque mutated during iteration"."""
     loops: list[Any] = []
@@ -318,7 +381,7 @@ def test_a_page_is_refreshed_by_the_thread_that_sends_it(server: Any, monkeypatc
     assert loops == [server.get_event_loop()]
 
 
-@pytest.mark.parametrize("host", ["203.0.113.1", "nowhere.invalid"])
+@pytest.mark.parametrize("host", ["203.0.113.1", "nowhere.invalid", "a..b"])
 def test_a_host_that_is_not_this_machine_is_refused(host: str) -> None:
     """viser would wait forever."""
     with pytest.raises(InputError, match=f"cannot listen on '{host}': .* name an address of this machine"):
@@ -326,7 +389,7 @@ def test_a_host_that_is_not_this_machine_is_refused(host: str) -> None:
 
 
 def test_addresses_are_those_of_a_browser() -> None:
-    assert url_of("0.0.0.0", 8080) == url_of("::", 8080) == "http://localhost:8080"
+    assert url_of("0.0.0.0", 8080) == url_of("::", 8080) == url_of("", 8080) == "http://localhost:8080"
     assert url_of("::1", 8080) == "http://[::1]:8080"
 
 

@@ -236,8 +236,3 @@ def test_a_page_opens_with_the_bodies_in_sight(probe: Probe, url: str, browser: 
         wait(probe, opened, lambda opened=opened: like(hues(opened)[:, : WIDTH - 340], PURPLE) > 300)
         opened.close()
         assert probe.call("remove_body", RemoveBody, id="corner").success
-
-
-def test_a_browser_without_a_graphics_card_is_told_what_drawing_costs(page: Any) -> None:
-    """By viser itself."""
-    page.get_by_text("Software WebGL rendering detected").wait_for()
