@@ -51,6 +51,8 @@ def test_what_cannot_be_attached_is_refused_whole(client: Any, car: int) -> None
     client.setAdditionalSearchPath(pybullet_data.getDataPath())
     soft = client.loadSoftBody("bunny.obj", basePosition=(0, 0, 1), mass=0.1, useMassSpring=1)
     ground, ghost, ball = Ground(client, level()), client.createMultiBody(1.0), put(client, BALL, START)
+    duck = client.createCollisionShape(client.GEOM_MESH, fileName="duck.obj", flags=client.GEOM_FORCE_CONCAVE_TRIMESH)
+    moving, standing = (client.createMultiBody(mass, duck, basePosition=START) for mass in (1.0, 0.0))
     bodies = client.getNumBodies()
     refused: list[tuple[int, dict[str, Any], str]] = [
         (car, {"link": -1}, r"base_footprint.*0 'base_link'.*1 'wheel0'.*4 'wheel3'"),
@@ -58,6 +60,7 @@ def test_what_cannot_be_attached_is_refused_whole(client: Any, car: int) -> None
         (ball, {"radius": -1.0}, "radius"),
         (soft, {}, "it is soft, and only rigid bodies and robots collide with the map"),
         (soft, {"radius": 0.1}, "it is soft"),
+        (moving, {}, "not convex, and only convex ones collide with the map; load the mesh without"),
     ]
     for body, given, words in refused:
         with pytest.raises(InputError, match=words):
@@ -68,7 +71,9 @@ def test_what_cannot_be_attached_is_refused_whole(client: Any, car: int) -> None
     for link_number in (None, 2):
         with pytest.raises(InputError, match="link 2 is attached already"):
             ground.attach(car, link_number)
-    assert len(ground.followers) == 1
+    ground.attach(standing)
+    ground.attach(moving, solid=False)
+    assert len(ground.followers) == 3
 
 
 def require_standing(client: Any, ground: Ground) -> None:

@@ -1,5 +1,7 @@
 #include "bullet/shape_parts.h"
 
+#include <stdexcept>
+
 #include <BulletCollision/CollisionShapes/btConvexHullShape.h>
 #include <BulletDynamics/Dynamics/btDiscreteDynamicsWorld.h>
 #include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
@@ -54,6 +56,17 @@ std::map<int, BodyShape> link_shapes(btDiscreteDynamicsWorld& world, int body) {
     if (!parts.empty()) found.emplace(name.link, std::move(parts));
   }
   return found;
+}
+
+void require_convex_if_moved(const btCollisionObject& object) {
+  if (object.isStaticOrKinematicObject()) return;
+  for_each_part(
+      *object.getCollisionShape(), btTransform::getIdentity(), [](const btCollisionShape& part, const btTransform&) {
+        if (part.isConvex() || part.getShapeType() == EMPTY_SHAPE_PROXYTYPE) return;
+        throw std::invalid_argument(
+            "it has a shape that is not convex, and only convex ones collide with the map; load the mesh without "
+            "GEOM_FORCE_CONCAVE_TRIMESH, or without concave=\"yes\"");
+      });
 }
 
 }  // namespace smartmesh

@@ -9,6 +9,7 @@
 #include "bullet/convert.h"
 #include "shape/body_shape.h"
 
+class btCollisionObject;
 class btDiscreteDynamicsWorld;
 
 namespace smartmesh {
@@ -25,5 +26,9 @@ void for_each_part(const btCollisionShape& shape, const btTransform& pose, const
 // Returns the shapes of those links of a PyBullet body that have one, -1 = the base. A part whose kind is not known
 // here is the ball about the centre of mass that holds it. Throws `std::invalid_argument` if the body is soft.
 std::map<int, BodyShape> link_shapes(btDiscreteDynamicsWorld& world, int body);
+
+// Throws `std::invalid_argument` if physics moves an object of which a part is not convex: nothing of such a part would
+// touch the ground.
+void require_convex_if_moved(const btCollisionObject& object);
 
 }  // namespace smartmesh

@@ -4,6 +4,7 @@
 
 #include "bullet/broadphase.h"
 #include "bullet/carrier.h"
+#include "bullet/shape_parts.h"
 
 namespace smartmesh {
 
@@ -46,6 +47,7 @@ bool BulletWorld::attach(int index, const ObjectName& name, int proxy, const Bod
   btRigidBody* ground = found == nullptr ? nullptr : btRigidBody::upcast(found);
   if (object == nullptr || (proxy >= 0 && ground == nullptr)) return false;
   require_rigid(*object);
+  if (ground != nullptr) require_convex_if_moved(*object);
   if (!is_hooked_) hook_.enter(now.world), is_hooked_ = true;
   if (index >= static_cast<int>(attached.slots.size())) attached.slots.resize(index + 1);
   Slot& slot = attached.slots[index];
