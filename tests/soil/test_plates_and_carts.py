@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, HeightMap, InputError, Sphere, World
-from smartmesh_ros.soil.config import SoilType, soil_named
-from smartmesh_ros.soil.soil import Soil
+from smartmesh_ros import BodyState, Box, HeightMap, InputError, Soil, SoilType, Sphere, World
+from smartmesh_ros.soil.config import soil_named
 from studies.soil.trials import Wheel, free_slip, modulus_of, plate_sinkage, undamped, wheel_forces
 from studies.soil.vehicles import BELOW, WARTHOG, Cart, drive, roll, set_down
 from tests.grounds import step_on_moving, world_of
@@ -116,14 +115,14 @@ def pressed(every: int) -> tuple[np.ndarray, np.ndarray]:
         return np.array([*world.state("box").position, *world.state("box").linear]), tile.heights.copy()
 
 
-@pytest.mark.parametrize("every", [1, 8, 60, 240])
-def test_a_map_that_is_sent_again_leaves_prints_and_what_stands_or_sleeps_in_them(every: int) -> None:
+def test_a_map_that_is_sent_again_leaves_prints_and_what_stands_or_sleeps_in_them() -> None:
     """Its sender does not know of the prints, so they are no motion of the ground."""
-    state, heights = pressed(every)
     wanted, known = pressed(0)
-    assert np.allclose(state, wanted, rtol=0.0, atol=1e-6)
-    assert np.allclose(heights, known, rtol=0.0, atol=1e-6)
-    assert heights.min() < -5e-3
+    assert known.min() < -5e-3
+    for every in (1, 8, 60, 240):
+        state, heights = pressed(every)
+        assert np.allclose(state, wanted, rtol=0.0, atol=1e-6)
+        assert np.allclose(heights, known, rtol=0.0, atol=1e-6)
 
 
 @pytest.mark.parametrize("sleeps", [True, False])

@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smartmesh_ros import Box, Capsule, Cylinder, HeightMap
+from smartmesh_ros import Box, Capsule, Cylinder, GridGeometry, HeightMap
 from smartmesh_ros.ground.quaternions import rotated
-from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.tools.evaluation.clearance import clearances, skin
 from smartmesh_ros.tools.evaluation.distance import Surface, nearest
 from smartmesh_ros.tools.evaluation.measures import held_up, penetration

@@ -13,25 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from smartmesh_ros import (
-    BodyState,
-    Box,
-    Capsule,
-    Cylinder,
-    Deck,
-    HeightMap,
-    Material,
-    MotionConfig,
-    Soil,
-    Sphere,
-    Terrain,
-    World,
-    WorldConfig,
-)
-from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros import BodyState, Carrier, Deck, Material, MotionConfig, PhysicsConfig, Terrain, World, WorldConfig
+from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Sphere
 from smartmesh_ros.scenes.tracks import robot_file
+from smartmesh_ros.soil.soil import Soil
+from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from smartmesh_ros.world.driving import Carrier
 from smartmesh_ros.world.joints import JointCommand
 from tests.urdfs import HUSKY, ROVER
 

@@ -11,11 +11,10 @@ import pybullet as pb
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros import BodyState, Box, Ground, PhysicsConfig, Sphere, World, WorldConfig
-from smartmesh_ros.soil.soil import Soil
+from smartmesh_ros import BodyState, Ground, JointCommand, MotionConfig, PhysicsConfig, Soil, World, WorldConfig
+from smartmesh_ros.ground.shapes import Box, Sphere
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.motion import Changes, MotionConfig
-from smartmesh_ros.world.joints import JointCommand
+from smartmesh_ros.terrain.motion import Changes
 from smartmesh_ros.world.states import SimulatedStates
 from tests.faults import Faults, bullet_faults
 from tests.grounds import level

@@ -2,8 +2,7 @@
 
 import pytest
 
-from smartmesh_ros import BodyState, World
-from smartmesh_ros.world.joints import JointCommand
+from smartmesh_ros import BodyState, JointCommand, World
 from tests.grounds import said_by
 from tests.urdfs import joint, link, robot
 

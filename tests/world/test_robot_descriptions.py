@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from smartmesh_ros import BodyState, InputError, Sphere, World
+from smartmesh_ros import BodyState, InputError, JointCommand, Sphere, World
 from smartmesh_ros.io.urdf import UrdfRules, checked_urdf
-from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.robots.prepared import prepare_robot
 from smartmesh_ros.world.robots.workshop import WORKSHOP
 from tests.urdfs import joint, link, mesh, robot

@@ -10,9 +10,8 @@ import numpy as np
 import pybullet_data
 import pytest
 
-from smartmesh_ros import BodyState, HeightMap, World
+from smartmesh_ros import BodyState, HeightMap, JointCommand, World
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.world.joints import JointCommand
 from tests.grounds import world_of
 from tests.legged import ROBOTS, Robot
 from tests.urdfs import HUSKY

@@ -13,10 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, InputError, Soil, Sphere, World
-from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros import BodyState, Ground, HeightMap, InputError, PhysicsConfig, Soil, World, WorldConfig
+from smartmesh_ros.ground.shapes import Box, Cylinder, Sphere
 from smartmesh_ros.terrain import state_file
-from smartmesh_ros.world.settings import WorldConfig
 from tests.examples import examples
 from tests.grounds import level, terrain_of
 from tests.spoilt_states import HOWS, spoilt

@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smartmesh_ros import BodyState, Box, Capsule, Cylinder, HeightMap, InputError, Sphere, Terrain, World
+from smartmesh_ros import BodyState, Box, Capsule, Cylinder, HeightMap, InputError, JointCommand, Sphere, Terrain, World
 from smartmesh_ros.ground.shapes import Shape
-from smartmesh_ros.world.joints import JointCommand
 from tests import urdfs
 from tests.bodies import about_z, reach, rotation, surface_of
 from tests.grounds import shaped

@@ -9,11 +9,10 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros import BodyState, Box, Ground, InputError, Sphere, World
+from smartmesh_ros import BodyState, Box, Ground, InputError, JointCommand, Sphere, World
 from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Belt
 from smartmesh_ros.ground.shapes import Shape
-from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.robots.prepared import prepare_robot
 from tests import urdfs
 from tests.bodies import about_y, put, run

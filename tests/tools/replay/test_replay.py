@@ -19,9 +19,7 @@ from smartmesh_msgs.srv import SpawnBody
 from std_srvs.srv import SetBool
 from tf2_msgs.msg import TFMessage
 
-from smartmesh_ros import Soil
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros import BodyState, InputError, Soil
 from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.node.inputs.adapters import grid_map_raster
 from smartmesh_ros.node.outputs.cdr import bytes_of
