@@ -13,7 +13,7 @@ import pytest
 from smartmesh_ros import BodyState, HeightMap, JointCommand, World
 from smartmesh_ros.terrain.grid import FloatArray
 from tests.grounds import world_of
-from tests.legged import ROBOTS, Robot
+from tests.legged import ROBOTS, set_up
 from tests.urdfs import HUSKY
 
 RATE, MINUTE = 240, 60 * 240
@@ -36,13 +36,11 @@ def row_world(count: int, *, sleep: bool = True) -> World:
     return world_of(HeightMap(heights, resolution=0.1, origin=(-APART, -3.0)), sleep=sleep)
 
 
-def stand(world: World, name: str, made: Robot, x: float) -> None:
+def stand(world: World, name: str, x: float) -> None:
     """Spawn a robot in its stance, 2 cm above the ground. Each joint is to hold an angle that differs from its own by
     0.02 rad, to and fro, so that friction holds the legs against each other, and their motors push."""
-    world.spawn_robot(name, made.urdf, BodyState((x, 0.0, made.height + 0.02)))
-    body = world.bodies[name]
-    for index, (joint, angle) in enumerate(made.stance.items()):
-        world.client.resetJointState(body.uid, body.joints[joint], angle)
+    set_up(world, name, x, 0.0, 0.02)
+    for index, (joint, angle) in enumerate(ROBOTS[name].stance.items()):
         world.command(name, joint, JointCommand(position=angle + (0.02 if index % 3 else -0.02)))
 
 
@@ -92,7 +90,7 @@ def test_robots_stand_and_sleep_for_a_minute() -> None:
     with row_world(len(ROBOTS)) as world, row_world(len(ROBOTS), sleep=False) as awake:
         for index, name in enumerate(ROBOTS):
             for each in (world, awake):
-                stand(each, name, ROBOTS[name], APART * index)
+                stand(each, name, APART * index)
         sleep_all(world)
         awake.step(4 * RATE)  # a humanoid sways for some seconds
         for name in ROBOTS:
@@ -150,7 +148,7 @@ def test_robots_of_pybullets_data_sleep() -> None:
 def test_a_robot_without_a_shape_of_its_root_is_noticed_if_it_moves_asleep() -> None:
     """Its root is no attached link, and only one of its joints is turned."""
     with row_world(1) as world:
-        stand(world, "solo", ROBOTS["solo"], 0.0)
+        stand(world, "solo", 0.0)
         sleep_all(world)
         uid, joints = world.bodies["solo"].uid, world.bodies["solo"].joints
         world.client.resetJointState(uid, joints["front_left_knee"], -0.7)

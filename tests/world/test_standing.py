@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from smartmesh_ros import BodyState, Box, Capsule, Cylinder, HeightMap, InputError, JointCommand, Sphere, Terrain, World
 from smartmesh_ros.ground.shapes import Shape
 from tests import urdfs
-from tests.bodies import about_z, reach, rotation, surface_of
+from tests.bodies import about_z, random_turn, reach, rotation, surface_of
 from tests.grounds import shaped
 
 DATA = Path(pybullet_data.getDataPath())
@@ -63,10 +63,10 @@ def test_the_lowest_point_has_the_clearance(
 @pytest.mark.parametrize("kind", SHAPES)
 def test_on_a_slope_a_body_touches_it_however_it_is_turned(kind: str) -> None:
     with World(slope()) as world:
-        for number, turn in enumerate(np.random.default_rng(3).normal(size=(8, 4))):
-            a, b, c, d = (turn / np.linalg.norm(turn)).tolist()
-            world.spawn(f"{number}", SHAPES[kind], 1.0, BodyState(orientation=(a, b, c, d)), on_ground=True)
-            state = world.state(f"{number}")
+        rng = np.random.default_rng(3)
+        for name in "abcdefgh":
+            world.spawn(name, SHAPES[kind], 1.0, BodyState(orientation=random_turn(rng)), on_ground=True)
+            state = world.state(name)
             distance = reach(SHAPES[kind], UP @ rotation(np.array(state.orientation)))
             assert state.position @ UP == pytest.approx(distance, abs=FOUND)
 

@@ -47,10 +47,8 @@ def test_a_command_beyond_the_limit_drives_at_the_limit_about_the_axis_of_the_fr
         drive(world, 9.0, 9.0)
         world.step(600)
         assert speed(world) == pytest.approx(1.5, rel=0.01)
-        assert [(s.name, s.speed, s.limit) for s in world.surfaces(NAME)] == [
-            ("left_track", 1.5, 1.5),
-            ("right_track", 1.5, 1.5),
-        ]
+        told = [(found.name, found.speed, found.limit) for found in world.surfaces(NAME)]
+        assert told == [("left_track", 1.5, 1.5), ("right_track", 1.5, 1.5)]
 
 
 @pytest.fixture

@@ -14,17 +14,13 @@ from tests.tracked import FLAT_TRACKS, NAME, UNDERCARRIAGE, drive, slope, standi
 
 
 def test_on_ground_that_moves_back_as_fast_it_stays_in_place() -> None:
-    with standing(slope()) as world:
+    ground = slope()
+    ground.slide((-0.5, 0.0), 100.0)
+    with standing(ground) as world:
         drive(world, 0.5, 0.5)
-        start = world.time
-        for step in range(720):
-            if step % 4 == 0:
-                origin = (-10.0 - 0.5 * (world.time - start), -10.0)
-                new = HeightMap(np.zeros((201, 201)), resolution=0.1, origin=origin, time=world.time)
-                world.terrain.put("", new)
-            world.step()
-            if step == 240:
-                before = world.state(NAME).position[0]
+        world.step(240)
+        before = world.state(NAME).position[0]
+        world.step(480)
         assert world.state(NAME).position[0] == pytest.approx(before, abs=0.02)
 
 
