@@ -9,18 +9,14 @@ from smartmesh_ros import BodyState, HeightMap, Sphere, World, WorldConfig
 from smartmesh_ros.ground.shapes import Box, Shape
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.world.settings import FallConfig
-from tests.grounds import add, level, said_by
+from tests.grounds import add, level, said_by, shaped
 from tests.urdfs import ROVER
 
 SIDE = 2.0  # half the side of the ground [m]
 
 
 def holed() -> HeightMap:
-    ground = level(121)
-    heights = ground.heights.copy()
-    heights[20:101, 40:101] = np.nan
-    ground.replace(heights, time=0.0)
-    return ground
+    return shaped(lambda x, y: np.where((np.abs(y) < 4.05) & (np.abs(x - 1.0) < 3.05), np.nan, 0.0), 121)
 
 
 def mesh() -> TriangleMesh:

@@ -18,20 +18,16 @@ from studies.report.ground import ReportGround, ReportWorld
 from studies.report.patches import ChosenPatches, PatchBatch, mesh_twist
 from tests.bodies import height, put
 from tests.examples import examples
-from tests.grounds import level
+from tests.grounds import level, shaped
 from tests.terrain.surfaces import highest, mesh_of
 
-RESOLUTION = 0.25
-SIZE = 41
 DT = 1.0 / 240.0
 KINDS: tuple[PatchKind, ...] = ("heightfield", "trimesh", "prisms", "whole_trimesh", "whole_heightfield")
 MESH_KINDS: tuple[PatchKind, ...] = ("trimesh", "prisms")
 
 
 def bowl() -> HeightMap:
-    half = SIZE // 2 * RESOLUTION
-    axis = np.linspace(-half, half, SIZE)
-    return HeightMap(0.15 * (axis[:, None] ** 2 + axis**2), resolution=RESOLUTION, origin=(-half, -half))
+    return shaped(lambda x, y: 0.15 * (x * x + y * y), 41, 0.25)
 
 
 def world_on(terrain: MainMesh | Terrain, kind: PatchKind, **more: Any) -> ReportWorld:
