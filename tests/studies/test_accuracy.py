@@ -71,9 +71,7 @@ def test_a_scene_runs_in_every_engine_and_bodies_stay_on_level_ground(results: d
         assert result.cost > 0.0, name
 
 
-def test_the_study_writes_what_it_says(
-    results: dict[str, Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_it_writes_what_it_says(results: dict[str, Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What it measures is tested above, and the picture of a box in test_pictures.py."""
     monkeypatch.setattr(accuracy, "read_scenes", lambda: [small_scene()])
     monkeypatch.setattr(accuracy, "run_scene", lambda *_, **__: results)
@@ -142,9 +140,7 @@ def test_files_that_make_no_scene_are_refused(tmp_path: Path, text: str) -> None
 
 
 @pytest.mark.parametrize("name", ["slope", "elevation_10m"])
-def test_references_on_rigid_ground_change_little_at_four_times_the_rate(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_references_on_rigid_ground_change_little_at_a_higher_rate(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where they correct the same share of a penetration in each step they change by 94 mm and 31 m."""
     [scene] = [scene for scene in SCENES if scene.name == name]
     few = replace(scene, bodies=replace(scene.bodies, count=12))

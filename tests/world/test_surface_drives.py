@@ -163,9 +163,7 @@ def test_in_a_pybullet_world_of_ones_own(ground: Ground, client: Any) -> None:
 
 
 @pytest.mark.parametrize("by_pybullet", [False, True])
-def test_a_command_wakes_what_sleeps_and_what_creeps_does_not_sleep(
-    ground: Ground, client: Any, by_pybullet: bool
-) -> None:
+def test_commands_wake_what_sleeps_and_what_creeps_stays_awake(ground: Ground, client: Any, by_pybullet: bool) -> None:
     if by_pybullet:
         client.changeDynamics(0, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
     else:

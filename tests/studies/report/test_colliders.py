@@ -210,8 +210,6 @@ PLACES = np.array([[x, y, 0.1 * x * y] for x in (-1.0, 0.0, 1.0) for y in (-1.0,
 
 
 @given(vectors, vectors, vectors)
-def test_a_rigid_motion_is_found_wherever_the_body_is(
-    linear: np.ndarray, angular: np.ndarray, body: np.ndarray
-) -> None:
+def test_a_rigid_motion_is_found_around_any_body(linear: np.ndarray, angular: np.ndarray, body: np.ndarray) -> None:
     found = mesh_twist(PLACES, linear + np.cross(angular, PLACES), body, 1.0)
     np.testing.assert_allclose(found, (linear, angular), atol=1e-6)

@@ -90,9 +90,7 @@ def test_a_text_that_is_no_list_is_refused_with_an_example() -> None:
 
 def timings_of(totals: list[float]) -> list[tuple[float, Timing]]:
     """Messages of ~/timing a second apart, with the medians of a step [ms]."""
-    stages = (
-        [StageTiming(stage="total", p50_us=1e3 * total), StageTiming(stage="step", p50_us=1.0)] for total in totals
-    )
+    stages = ([StageTiming(stage="total", p50_us=1e3 * one), StageTiming(stage="step", p50_us=1.0)] for one in totals)
     return [(float(at), Timing(stages=of_message)) for at, of_message in enumerate(stages)]
 
 
@@ -128,9 +126,7 @@ def test_every_kind_of_patch_has_a_colour_that_is_told_apart() -> None:
         (BodyDescription.CAPSULE, (0.8, 0.3), 0.7),
     ],
 )
-def test_shapes_are_closed_and_reach_as_far_as_their_radius(
-    kind: int, dimensions: tuple[float, ...], radius: float
-) -> None:
+def test_shapes_are_closed_and_reach_to_their_radius(kind: int, dimensions: tuple[float, ...], radius: float) -> None:
     mesh = looks.shape_mesh(kind, dimensions)
     assert mesh.is_watertight
     assert np.allclose(mesh.centroid, 0.0, atol=1e-6)
