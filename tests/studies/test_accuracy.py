@@ -60,7 +60,6 @@ def small_scene() -> Scene:
 
 @pytest.fixture(scope="module")
 def results() -> dict[str, Result]:
-    """The small scene in every engine."""
     return run_scene(small_scene(), configurations(quick=True))
 
 

@@ -62,7 +62,6 @@ def standing(name: str, **changes: object) -> Iterator[tuple[World, Base]]:
 
 
 def pose(world: World) -> np.ndarray:
-    """Place [m] and yaw [rad] of the root link."""
     state = world.base_state("robot")
     return np.array([*state.position[:2], yaw_of(state.orientation)])
 

@@ -83,7 +83,6 @@ def assert_whole(world: World) -> None:
 
 
 def set_ground(world: World, height: float) -> None:
-    """A new map, which is at rest."""
     tile = world.terrain.tile("")
     still = None if tile.motion.corrects else np.zeros((61, 61), np.float32)
     tile.replace(np.full((61, 61), height), time=world.time, velocities=still)

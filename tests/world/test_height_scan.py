@@ -32,7 +32,6 @@ def moving(motion: MotionConfig | None = None, yaw: float = 0.0) -> HeightMap:
 
 
 def sliding() -> Terrain:
-    """A map that moves and turns as a whole."""
     made = Terrain()
     for k in range(4):
         origin = (LOW + 0.03 * k, LOW - 0.02 * k)

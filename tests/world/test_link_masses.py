@@ -12,12 +12,10 @@ LIMIT = '<limit effort="5" velocity="50"/>'
 
 
 def frame(name: str, on: str) -> str:
-    """A link without <inertial> that is fixed to another one."""
     return link(name, "", None) + joint(f"of {name}", "fixed", on, name, xyz="0 0 0")
 
 
 def spawned(world: World, links: str) -> list[str]:
-    """Spawns a robot on the ground; what the user is told."""
     said = said_by(world)
     world.note = world.say
     world.spawn_robot("robot", robot(links), BodyState(), on_ground=True)

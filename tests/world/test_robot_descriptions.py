@@ -146,7 +146,6 @@ LIMIT = '<limit lower="-1" upper="1" effort="20" velocity="5"/>'
 
 
 def positions_of(world: World) -> dict[str, float]:
-    """Positions of the joints of the robot r."""
     return {reading.name: reading.position for reading in world.joints("r")}
 
 

@@ -31,7 +31,6 @@ KNOWN = (
 
 
 def row_world(count: int, *, sleep: bool = True) -> World:
-    """Flat ground for some robots in a row along x."""
     heights = np.zeros((61, round(APART * count / 0.1) + 61))
     return world_of(HeightMap(heights, resolution=0.1, origin=(-APART, -3.0)), sleep=sleep)
 
@@ -53,13 +52,11 @@ def poses(world: World, name: str) -> FloatArray:
 
 
 def lowest(world: World, name: str) -> float:
-    """Lowest point of a robot's shapes [m]."""
     body = world.bodies[name]
     return min(world.client.getAABB(body.uid, link)[0][2] for link in body.links)
 
 
 def sleep_all(world: World, seconds: int = 12) -> None:
-    """Step until every robot sleeps."""
     for _ in range(4 * seconds):
         world.step(RATE // 4)
         if all(map(world.is_asleep, world.bodies)):

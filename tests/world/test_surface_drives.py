@@ -122,7 +122,6 @@ def ground(client: Any) -> Ground:
 
 
 def speed_after(ground: Ground, client: Any, steps: int) -> float:
-    """Go on, and return the velocity of the box along x [m/s]."""
     run(ground, steps)
     return float(client.getBaseVelocity(0)[0][0])
 

@@ -35,7 +35,6 @@ def world_on(terrain: MainMesh | Terrain, kind: PatchKind, **more: Any) -> Repor
 
 
 def rest(terrain: MainMesh, kind: PatchKind, shape: Sphere | Box, **more: Any) -> tuple[float, float, float]:
-    """Where a body comes to rest at the bottom of the bowl."""
     with world_on(terrain, kind, **more) as world:
         world.spawn("body", shape, 1.0, BodyState((0.0, 0.0, 0.4)))
         world.step(1440)

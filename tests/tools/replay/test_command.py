@@ -33,7 +33,6 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def run(*arguments: Any, seed: str = "0") -> subprocess.CompletedProcess[str]:
-    """The executable, in a process of its own."""
     command = [str(executable("replay")), *map(str, arguments)]
     return subprocess.run(
         command, capture_output=True, text=True, env={**os.environ, "PYTHONHASHSEED": seed}, check=False
@@ -41,7 +40,6 @@ def run(*arguments: Any, seed: str = "0") -> subprocess.CompletedProcess[str]:
 
 
 def words_of(capsys: pytest.CaptureFixture[str], *arguments: Any) -> str:
-    """What it says when it cannot start."""
     assert main([*map(str, arguments)]) == 2
     said = capsys.readouterr().err
     assert "Traceback" not in said

@@ -14,7 +14,6 @@ PERIOD = 4.0
 
 
 def ground(grid: GridGeometry, time: float, *, heave: float = 0.3) -> np.ndarray:
-    """A plane that heaves [m]."""
     x, y = np.moveaxis(grid.to_world(*np.mgrid[: grid.rows, : grid.columns]), -1, 0)
     return np.asarray(0.2 * x - 0.1 * y + heave * math.sin(math.tau * time / PERIOD))
 
