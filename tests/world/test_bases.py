@@ -220,19 +220,6 @@ def test_episodes_begin_without_commands_and_a_reset_leaves_them_their_time() ->
         assert said == ["no command came for the base 'robot' in time: it stops"]
 
 
-def test_a_saved_world_drives_on_and_one_without_the_base_stops_in_time() -> None:
-    with standing("cart") as (world, base), World(world.terrain, world.config) as other:
-        base.drive(0.5, 0.2, lasts=1.0)
-        world.step(60)
-        snapshot = world.save()
-        other.restore(snapshot)
-        world.step(120)
-        other.step(120)
-        assert world.snapshot().bodies[0].state == other.snapshot().bodies[0].state
-        other.step(240)
-        assert math.hypot(*other.base_state("robot").linear) < 0.01
-
-
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
