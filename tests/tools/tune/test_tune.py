@@ -134,7 +134,7 @@ def test_a_signal_ends_the_search_and_its_processes(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("options", "words"),
     [
         (["flat", "--budget", "0"], "--budget is 0; it must be a number greater than zero"),
         (["flat", "--jobs", "0"], "--jobs is 0"),
@@ -146,14 +146,10 @@ def test_a_signal_ends_the_search_and_its_processes(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_be(
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    arguments: list[str],
-    words: str,
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, options: list[str], words: str
 ) -> None:
     monkeypatch.setattr(grid, "GRID", {name: (value,) for name, value in KNOWN.items()})
-    source, *others = arguments
+    source, *others = options
     given = recorded(tmp_path / "bag") if source == "bag" else source
     assert cli.main([given, "--out", str(tmp_path / "out"), *others]) == 2
     said = capsys.readouterr().err
