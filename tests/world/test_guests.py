@@ -152,13 +152,9 @@ def test_what_owners_say_of_impossible_bodies_is_refused_and_the_last_states_sta
         with pytest.raises(InputError, match="margin"):
             GuestConfig(margin=0.0)
         for field, value, reason in (
-            ("numbers", math.nan, "non_finite"),
-            ("numbers", 1e300, "quaternion"),
-            ("masses", math.nan, "geometry"),
-            ("radii", math.inf, "geometry"),
-            ("dimensions", 0.0, "geometry"),
-            ("kinds", 0, "shape"),
-        ):
+            ("numbers", math.nan, "non_finite"), ("numbers", 1e300, "quaternion"), ("masses", math.nan, "geometry"),
+            ("radii", math.inf, "geometry"), ("dimensions", 0.0, "geometry"), ("kinds", 0, "shape"),
+        ):  # fmt: skip
             bad = states._replace(**{field: np.full_like(getattr(states, field), value)})
             with pytest.raises(InputError) as refused:
                 world.guests.take("world 0", bad, world.time)

@@ -50,9 +50,7 @@ def moved(
 
 @pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic"])
 @pytest.mark.parametrize(
-    "command",
-    [JointCommand(position=2.0), JointCommand(position=-2.0, velocity=-9.0), JointCommand(velocity=30.0)],
-    ids=str,
+    "command", [JointCommand(position=2.0), JointCommand(position=-2.0, velocity=-9.0), JointCommand(velocity=30.0)]
 )
 def test_a_target_moves_a_joint_no_faster_than_its_urdf_allows(kind: str, command: JointCommand) -> None:
     found = moved(arm(limit(1.5), kind), command, 0.5)

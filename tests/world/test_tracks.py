@@ -58,11 +58,8 @@ def composite() -> tuple[np.ndarray, np.ndarray]:
     """Inertia of the machine of boxes about its centre of mass [kg m^2], and its contacts (8, 3) from there [m]."""
     centre = np.array([0.0, 0.0, -0.04])
     inertia = np.zeros((3, 3))
-    for mass, moments, at in (
-        (60.0, (3.0, 5.0, 7.0), (0.0, 0.0, 0.0)),
-        (20.0, (0.2, 1.2, 1.2), (0.0, 0.4, -0.1)),
-        (20.0, (0.2, 1.2, 1.2), (0.0, -0.4, -0.1)),
-    ):
+    sides = [(20.0, (0.2, 1.2, 1.2), (0.0, y, -0.1)) for y in (0.4, -0.4)]
+    for mass, moments, at in ((60.0, (3.0, 5.0, 7.0), (0.0, 0.0, 0.0)), *sides):
         lever = np.array(at) - centre
         inertia += np.diag(moments) + mass * (lever @ lever * np.eye(3) - np.outer(lever, lever))
     corners = [(x, y, -0.25) for y in (-0.5, -0.3, 0.3, 0.5) for x in (-0.6, 0.6)]
