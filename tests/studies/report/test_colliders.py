@@ -53,20 +53,16 @@ def test_bodies_rest_on_every_kind_as_on_the_whole_main_mesh(shape: Sphere | Box
         assert found == pytest.approx(reference, abs=1.1e-3), f"{kind} of a mesh by {search}"
 
 
-def lid_over(points: np.ndarray) -> float:
-    """Height of the upper side of the convex hull of points over the origin: the highest triangle of any three."""
-    corners = points[np.array(list(combinations(range(len(points)), 3)))]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return float(highest(corners, np.array([[0.0, 0.0, np.inf]])).values[0])
-
-
 @pytest.mark.parametrize("is_mesh", [False, True], ids=["map", "mesh"])
 def test_a_hull_hovers_over_a_trough_by_what_geometry_predicts(is_mesh: bool) -> None:
     """The convex hull of a bowl is closed by a lid through its highest vertices (the report's Figure 19)."""
     with world_on(mesh_of(bowl()) if is_mesh else bowl(), "hull", rings=2, search="brute_force") as world:
         world.track("probe", 0.2, BodyState((0.0, 0.0, 0.6)))
         world.refresh()
-        lid = lid_over(world.ground.chosen.batches[0].vertices_w[0])
+        points = world.ground.chosen.batches[0].vertices_w[0]
+        triangles = points[np.array(list(combinations(range(len(points)), 3)))]  # of any three
+        with np.errstate(divide="ignore", invalid="ignore"):
+            lid = float(highest(triangles, np.array([[0.0, 0.0, np.inf]])).values[0])
         assert lid > 0.05
         world.remove("probe")
         world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, lid + 0.201)))
