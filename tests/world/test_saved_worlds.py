@@ -94,8 +94,9 @@ def replace_arrays(new: Callable[[np.ndarray], np.ndarray]) -> Callable[[dict[st
     return lambda _, arrays: arrays.update({name: new(array) for name, array in arrays.items()})
 
 
+NEWER = state_file.VERSION + 1
 WRONG: dict[str, tuple[Callable[[dict[str, Any], dict[str, np.ndarray]], object], str]] = {
-    "newer": (lambda head, _: head.update(version=state_file.VERSION + 1), f"newer .*version {state_file.VERSION + 1}"),
+    "newer": (lambda head, _: head.update(version=NEWER), f"saved by a newer smartmesh_ros, in version {NEWER}"),
     "older": (lambda head, _: head.update(version=0), "saved by an older smartmesh_ros"),
     "of a ground": (lambda head, _: head.update(kind="Ground"), "saved state of a Ground, and a World cannot"),
     "another program's": (lambda head, _: head.update(format="elsewhere"), "no saved state"),
