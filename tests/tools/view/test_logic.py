@@ -120,12 +120,10 @@ def test_every_kind_of_patch_has_a_colour_that_is_told_apart() -> None:
 @pytest.mark.parametrize(
     ("kind", "dimensions", "radius"),
     [
-        (BodyDescription.SPHERE, (0.5,), 0.5),
-        (BodyDescription.BOX, (0.2, 0.4, 0.6), 0.14**0.5),
-        (BodyDescription.CYLINDER, (0.8, 0.3), 0.5),
-        (BodyDescription.CAPSULE, (0.8, 0.3), 0.7),
+        (BodyDescription.SPHERE, (0.5,), 0.5), (BodyDescription.BOX, (0.2, 0.4, 0.6), 0.14**0.5),
+        (BodyDescription.CYLINDER, (0.8, 0.3), 0.5), (BodyDescription.CAPSULE, (0.8, 0.3), 0.7),
     ],
-)
+)  # fmt: skip
 def test_shapes_are_closed_and_reach_to_their_radius(kind: int, dimensions: tuple[float, ...], radius: float) -> None:
     mesh = looks.shape_mesh(kind, dimensions)
     assert mesh.is_watertight
