@@ -116,9 +116,7 @@ UNREADABLE: dict[str, tuple[str, bytes]] = {
 
 
 @pytest.mark.parametrize("kind", UNREADABLE)
-def test_a_collision_mesh_that_cannot_be_read_refuses_the_robot_by_its_name(
-    world: World, tmp_path: Path, kind: str
-) -> None:
+def test_a_mesh_that_cannot_be_read_refuses_the_robot_by_its_name(world: World, tmp_path: Path, kind: str) -> None:
     name, content = UNREADABLE[kind]
     (tmp_path / name).write_bytes(content)
     with pytest.raises(InputError, match=rf"collision mesh .*{name}'"):
