@@ -28,6 +28,7 @@ from visualization_msgs.msg import MarkerArray
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 from smartmesh_ros.node.transport import publishers_on
+from smartmesh_ros.tools.client.drawn_scene import drawn_scene
 from smartmesh_ros.tools.client.ground import MAPS, Ground
 from smartmesh_ros.tools.client.patch import read_patches
 from smartmesh_ros.tools.client.sight import KINDS, Sight
@@ -122,7 +123,7 @@ class Remote:
 
     def watch(self, topics: set[str]) -> None:
         """Subscribe to these of `OUTPUTS` and to no others, because the node builds only outputs with subscribers; to
-        ``scene`` while no map has come."""
+        ``scene`` while no map has come, or poses of tracked bodies come on no other topic."""
         if topics != self._watched:
             self._watched, self._check_due = topics, 0.0
 
@@ -158,12 +159,16 @@ class Remote:
         """Apply all received messages to ``ground`` and ``sight``. Malformed ones are skipped, because the node reports
         them."""
         self.ground.apply_waiting()
-        for data in self._new.pop("scene", ()):
-            self.ground.draw(data)
         for topic in KINDS:
             for data in self._new.pop(topic, ()):
                 with suppress(InputError):
                     self.sight.take(topic, data)
+        for data in self._new.pop("scene", ()):
+            with suppress(InputError):
+                corners, tracked = drawn_scene(data)
+                self.sight.take_tracked(tracked)
+                if corners is not None:
+                    self.ground.draw(corners)
         for data in self._new.pop("collider_patches", ()):
             with suppress(InputError):
                 self.sight.patches = read_patches(data).onto(self.sight.patches)
@@ -190,7 +195,8 @@ class Remote:
         now = monotonic()
         self._check_due = now + CHECK_PERIOD
         wanted = MAPS.keys() - ({"heightmap"} if now < self._no_maps_until else set())
-        wanted |= self._watched - ({"scene"} if self.ground.tiles else set())
+        needs_scene = not self.ground.tiles or self.sight.has_unheard
+        wanted |= self._watched - (set() if needs_scene else {"scene"})
         counts = {topic: self.node.count_publishers(f"{self.name}/{topic}") for topic in wanted}
         for topic, (subscription, count) in list(self._subscriptions.items()):
             if counts.get(topic) != count:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from smartmesh_ros.tools.client.ground import Ground
 from smartmesh_ros.tools.view.camera import CLOSEST, FAR, Camera, Lens, camera_on
 from tests.examples import examples
-from tests.tools.view.test_drawn_ground import ground_of
+from tests.tools.view.test_drawn import ground_of
 
 PLACES = st.tuples(st.floats(-30, 30), st.floats(-30, 30), st.floats(-3, 3))
 BODIES = st.lists(st.tuples(PLACES, st.floats(0.05, 2.0)), min_size=1, max_size=12)

@@ -274,7 +274,7 @@ def test_a_robot_is_drawn_by_its_meshes_and_else_by_its_collision_shapes(
     )
     robot = Robot(server, "rover", BodyDescription(urdf=urdf, urdf_file=str(tmp_path / "robot.urdf")))
     robot.show(Sight(bases={"b": Pose((0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0))}))
-    assert robot.readable
+    assert not robot.fault
     height = 0.4 if mesh == "box.stl" else 0.2
     assert server.scene._handle_from_node_name["/labels/rover"].position[2] == pytest.approx(1.0 + height + GAP)
 
@@ -284,7 +284,7 @@ def test_a_robot_with_a_spherical_joint_is_drawn(server: Any) -> None:
     joint = '<joint name="j" type="spherical"><origin xyz="0 0 1"/><parent link="b"/><child link="arm"/></joint>'
     robot = Robot(server, "r", BodyDescription(urdf=URDF.replace("</robot>", joint + arm)))
     robot.show(Sight(bases={"b": Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))}))
-    assert robot.readable
+    assert not robot.fault
     assert server.scene._handle_from_node_name["/labels/r"].position[2] == pytest.approx(1.2 + GAP)
 
 
@@ -300,7 +300,7 @@ def test_a_robot_has_the_colours_of_its_description_in_daylight(server: Any, tmp
     (tmp_path / "cube.obj").write_text("mtllib cube.mtl\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     (tmp_path / "cube.mtl").write_text("newmtl red\nKd 1 0 0\n")
     urdf = f'<robot name="r"><link name="base"/>{"".join(links)}</robot>'
-    assert Robot(server, "r", BodyDescription(urdf=urdf, urdf_file=str(tmp_path / "robot.urdf"))).readable
+    assert not Robot(server, "r", BodyDescription(urdf=urdf, urdf_file=str(tmp_path / "robot.urdf"))).fault
     drawn = [handle for handle in server.scene._handle_from_node_name.values() if hasattr(handle, "glb_data")]
     assert len(drawn) == 3
     for handle in drawn:
@@ -337,13 +337,30 @@ def test_a_box_is_drawn_where_its_centre_is(server: Any) -> None:
     np.testing.assert_allclose(box.batched_positions, [[1.0, 2.25, 3.5]], atol=1e-6)
 
 
-def test_a_robot_whose_file_was_deleted_is_a_ball(server: Any) -> None:
-    """The node describes it anew, then without its text, when another body comes."""
-    pose = Pose((1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0))
-    sight = Sight(poses={"r": pose}, appearances={"r": BodyDescription(shape=BodyDescription.ROBOT, urdf_file="/gone")})
-    Scene(server).show(Ground(), sight)
-    [ball] = [handle for path, handle in server.scene._handle_from_node_name.items() if path.startswith("/bodies/")]
-    assert ball.batched_positions.tolist() == [[1.0, 2.0, 3.0]]
+@pytest.mark.parametrize(
+    ("urdf", "file", "fault"),
+    [
+        ("", "/gone.urdf", "its file /gone.urdf is gone from the node"),
+        ("<robot", "", "cannot be read (unclosed"),
+    ],
+)
+def test_a_robot_that_cannot_be_drawn_is_the_box_around_its_links_and_the_page_says_why(
+    server: Any, urdf: str, file: str, fault: str
+) -> None:
+    """The node describes a robot anew, then without its text, when another body comes."""
+    sight, described = Sight(), BodyDescription(id="r", shape=BodyDescription.ROBOT, urdf=urdf, urdf_file=file)
+    sight.take("body_descriptions", serialize_message(BodyDescriptionArray(bodies=[described])))
+    state = TrackedBody(id="r", pose=pose_message((1.0, 2.0, 3.0)), shape=TrackedBody.SHAPE_BOX)
+    state.dimensions, state.centre = [0.5, 0.25, 1.0], [0.25, 0.0, 0.5]
+    sight.take("body_states", serialize_message(TrackedBodyArray(bodies=[state])))
+    scene, drawn = Scene(server), server.scene._handle_from_node_name
+    scene.show(Ground(), sight)
+    [box] = [handle for path, handle in drawn.items() if path.startswith("/bodies/")]
+    assert box.batched_positions.tolist() == [[1.25, 2.0, 3.5]]
+    assert np.ptp(box.vertices, axis=0).tolist() == [0.5, 0.25, 1.0]
+    assert drawn["/labels/r"].visible
+    [words] = scene.faults
+    assert words.startswith("r is drawn as a box: ") and fault in words
 
 
 def test_bodies_of_nearly_the_same_size_are_all_drawn(server: Any) -> None:
