@@ -26,11 +26,10 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 from smartmesh_ros.node.transport import publishers_on
 from smartmesh_ros.tools.client.drawn_scene import drawn_scene
 from smartmesh_ros.tools.client.ground import MAPS, Ground
-from smartmesh_ros.tools.client.patch import read_patches
+from smartmesh_ros.tools.client.patch import PatchesMessage, read_patches
 from smartmesh_ros.tools.client.sight import KINDS, Sight
 
 # Types of the shown outputs. Outputs without subscribers are not built by the node.
@@ -169,9 +168,14 @@ class Remote:
                 self.sight.take_tracked(tracked)
                 if corners is not None:
                     self.ground.draw(corners)
-        for data in self._new.pop("collider_patches", ()):
+        changes: list[PatchesMessage] = []
+        for data in reversed(self._new.pop("collider_patches", ())):
             with suppress(InputError):
-                self.sight.patches = read_patches(data).onto(self.sight.patches)
+                changes.append(read_patches(data))
+                if not changes[-1].incremental:
+                    break
+        for message in reversed(changes):
+            self.sight.patches = message.onto(self.sight.patches)
         for data in self._new.pop("timing", ()):
             self.timings.append((monotonic(), deserialize_message(data, Timing)))
 
@@ -213,8 +217,6 @@ class Remote:
     def _take(self, topic: str, data: bytes) -> None:
         self.counts[topic] += 1
         if topic not in MAPS:
-            if topic == "collider_patches" and not _is_incremental(data):
-                self._new.pop(topic, None)
             self._new.setdefault(topic, deque(maxlen=1 if topic in NEWEST else DEPTH)).append(data)
             return
         self.ground.take(topic, data)
@@ -245,12 +247,3 @@ class Remote:
         if event.node == self.name:
             for parameter in (*event.new_parameters, *event.changed_parameters):
                 self.changed_parameters[parameter.name] = parameter_value_to_python(parameter.value)
-
-
-def _is_incremental(patches: bytes) -> bool:
-    """Return True if the bytes of a ColliderPatchArray contain only changed patches."""
-    with suppress(InputError):
-        reader = CdrReader(patches)
-        reader.number("i"), reader.number("I"), reader.text()
-        return bool(reader.number("B"))
-    return True  # malformed

@@ -153,8 +153,8 @@ class Sight:
     def take_tracked(self, drawn: TrackedMarkers) -> None:
         """Place the tracked bodies that are not `heard` where ~/scene has them."""
         waiting = {marker: deque(poses) for marker, poses in drawn.items()}
-        for name, body in sorted(self.appearances.items(), key=lambda item: item[1].shape):  # stable
-            if body.tracked and (poses := waiting.get(_marker_of(body))):
+        for name, body in sorted(self.appearances.items(), key=lambda item: item[1].shape):
+            if body.tracked and body.dimensions and (poses := waiting.get(_marker_of(body))):
                 pose = poses.popleft()
                 if name not in self.heard:
                     self.poses[name] = pose
