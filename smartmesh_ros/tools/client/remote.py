@@ -41,9 +41,9 @@ SERVICES = {
 }  # fmt: skip
 # Name and type of the topic by which nodes are found.
 STATES, STATES_TYPE = "body_states", "smartmesh_msgs/msg/TrackedBodyArray"
-# Topics of which only the newest message is shown, and the depth of the others' queues: every region counts, and at
-# 60 Hz 200 last for 3 s.
-NEWEST, DEPTH = {"heightmap", *KINDS} - {"odometry"}, 200
+# Topics of which only the newest message is shown, and the depth of the others' queues: every region and tile counts,
+# and at 60 Hz 200 last for 3 s.
+NEWEST, DEPTH = KINDS.keys() - {"odometry"}, 200
 BEST: dict[str, Any] = {
     "durability": DurabilityPolicy.BEST_AVAILABLE, "reliability": ReliabilityPolicy.BEST_AVAILABLE
 }  # fmt: skip

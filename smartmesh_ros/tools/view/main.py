@@ -66,16 +66,16 @@ def show(options: argparse.Namespace, stop: Stop) -> None:
         stop.starting = False  # the page is ended in order
         with closing(Page(remote, options.host, options.port)) as page:
             print(f"{remote.name} is shown at {page.url}", flush=True)
-            due = monotonic()
-            patience = due + PATIENCE
+            patience = monotonic() + PATIENCE
             while not stop.asked:
                 if monotonic() > patience:
                     patience = math.inf
                     if remote.missing:
                         print(f"{remote.missing}; waiting for it (--node names another)", file=sys.stderr, flush=True)
-                remote.spin(max(due - monotonic(), 0.0))
-                due = max(due + 1.0 / options.rate, monotonic())
+                start = monotonic()
                 page.refresh()
+                took = monotonic() - start
+                remote.spin(max(1.0 / options.rate - took, took))  # at least half of the time
                 if demo is not None and not stop.asked:
                     demo.require_nodes()
                     demo.drive()
