@@ -43,6 +43,11 @@ class Pose(NamedTuple):
     position: Vector
     wxyz: tuple[float, float, float, float]
 
+    def inside(self, points_w: FloatArray) -> FloatArray:
+        """Return points (n, 3) [m] in the frame that has this pose."""
+        w, x, y, z = self.wxyz
+        return rotated(np.array([-x, -y, -z, w]), points_w - self.position)
+
 
 # Poses of the middles of tracked bodies on ~/scene by type and scale [m] of their markers: balls before boxes before
 # cylinders before capsules, and each kind in the order of ~/body_descriptions.

@@ -137,8 +137,7 @@ def placed(patch: Patch, ground: Ground) -> tuple[str, FloatArray]:
     deck, tile = ground.deck_of(patch.tile), ground.tiles.get(patch.tile)
     if deck is None or not isinstance(tile, HeightMap):
         return "", patch.vertices_w
-    frame = ground.terrain().decks[deck].frame(0.0)
-    vertices = (patch.vertices_w - frame.position) @ frame.rotation
+    vertices = ground.frames[deck].inside(patch.vertices_w)
     heights = tile.at(vertices[:, :2], 0.0).heights
     vertices[:, 2] = np.where(np.isnan(heights), vertices[:, 2], heights)
     return f"/decks/{deck}", vertices
