@@ -15,7 +15,9 @@ from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, ContactArray, TrackedBody, TrackedBodyArray
 from visualization_msgs.msg import Marker
 
+from smartmesh_ros.ground.limits import require_possible
 from smartmesh_ros.ground.quaternions import rotated
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs.checked_messages import message_from
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.client.patch import Patch
@@ -96,7 +98,7 @@ class Sight:
         known = self.appearances.get(name)
         if known is not None and known.dimensions:
             return known.shape, tuple(known.dimensions)
-        if name in self.boxes:
+        if known is not None and name in self.boxes:
             return BodyDescription.BOX, self.boxes[name][1]
         return BodyDescription.SPHERE, (DEFAULT_RADIUS,)
 
@@ -125,7 +127,8 @@ class Sight:
         return list(self.poses)[hit[along[hit].argmin()]] if hit.size else None
 
     def take(self, topic: str, data: bytes) -> None:
-        """Update with a message of a topic of `KINDS`. Raises `InputError` if it is malformed."""
+        """Update with a message of a topic of `KINDS`. Raises `InputError` if it is malformed, or the node refuses its
+        poses."""
         message = message_from(data, KINDS[topic])
         if topic == "body_descriptions":
             gone = self.appearances.keys() - {body.id for body in message.bodies}
@@ -152,6 +155,9 @@ class Sight:
             self.asleep = frozenset(body.id for body in message.bodies) - frozenset(moving)
         elif message.header.frame_id.strip("/") in ("", self.frame):
             bodies = _bodies_of(message)
+            for body in bodies:
+                place, turn = body.pose.position, body.pose.orientation
+                require_possible(body.id, BodyState(_xyz(place), (turn.x, turn.y, turn.z, turn.w)))
             self._place(bodies)
             self.heard |= {body.id for body in bodies}
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections import Counter, deque
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,7 @@ import trimesh
 from smartmesh_ros.tools.client.ground import Ground
 from smartmesh_ros.tools.client.remote import Remote
 from smartmesh_ros.tools.client.sight import KINDS, Pose, Sight
+from smartmesh_ros.tools.view.camera import Lens, camera_on
 from smartmesh_ros.tools.view.main import main
 from smartmesh_ros.tools.view.page import Page, start_server, stop_server, url_of
 from smartmesh_ros.tools.view.robots import GAP, Robot
@@ -199,6 +201,20 @@ def test_tracked_bodies_of_another_frame_are_not_drawn_where_they_are_not() -> N
         sight.take("body_poses", serialize_message(PoseArray(header=Header(frame_id=frame), poses=poses)))
     assert sight.poses.keys() == {"body_states in map", "tracked_bodies in /map", "body_0", "body_1"}
     assert sight.poses["body_1"].position == (1.0, 2.0, 3.0)
+
+
+@pytest.mark.parametrize("wrong", [math.nan, -math.inf, 1e20])
+@pytest.mark.parametrize("topic", ["tracked_bodies", "body_poses"])
+def test_poses_that_the_node_refuses_are_not_shown(topic: str, wrong: float) -> None:
+    """The camera that should show them ended the view."""
+    sight, ground = Sight(), ground_of(np.zeros((9, 9)))
+    for x in (1.0, wrong):
+        pose = pose_message((x, 2.0, 3.0))
+        poses, bodies = PoseArray(poses=[pose]), TrackedBodyArray(bodies=[TrackedBody(id="body_0", pose=pose)])
+        with nullcontext() if x == 1.0 else pytest.raises(InputError):
+            sight.take(topic, serialize_message(poses if topic == "body_poses" else bodies))
+        assert np.isfinite(camera_on(*sight.bodies, Lens(1.0, 1.5), ground).position).all()
+    assert sight.poses["body_0"].position == (1.0, 2.0, 3.0)
 
 
 def test_a_body_that_was_removed_is_not_found_at_its_last_pose() -> None:
