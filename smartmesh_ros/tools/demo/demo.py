@@ -13,7 +13,6 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -21,7 +20,6 @@ from typing import Any
 import numpy as np
 import rclpy
 from ament_index_python.packages import get_package_prefix
-from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 from shape_msgs.msg import SolidPrimitive
 from visualization_msgs.msg import MarkerArray
@@ -35,6 +33,7 @@ from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.client.command import Caller
 from smartmesh_ros.tools.client.remote import OUTPUTS, Remote
+from smartmesh_ros.tools.demo.frame import Frame
 from smartmesh_ros.tools.messages import pose_message
 
 SOURCE = {
@@ -61,19 +60,6 @@ RECEIVED = (
     "diagnostics",
 )  # fmt: skip
 START_TIMEOUT = 60.0  # [s]
-
-
-@dataclass(frozen=True)
-class Frame:
-    """The recorded scene at one time: ``heights`` (n, m) [m] of the ground in rows at ``y`` (n,) and columns at ``x``
-    (m,) [m], ``triangles`` of the patches (T, 3, 3) [m], and positions [m] of the ``bodies`` by name."""
-
-    time: float
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    heights: NDArray[np.float32]
-    triangles: NDArray[np.float64]
-    bodies: dict[str, tuple[float, float, float]]
 
 
 class Demo:

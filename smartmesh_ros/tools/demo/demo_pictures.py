@@ -15,7 +15,7 @@ from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from smartmesh_ros.tools.demo.demo import Frame
+from smartmesh_ros.tools.demo.frame import Frame
 
 # Ground drawn beyond the outermost bodies [m].
 MARGIN = 2.0
