@@ -39,7 +39,9 @@ def drawn_scene(scene: bytes) -> tuple[FloatArray | None, TrackedMarkers]:
         if kind == Marker.TRIANGLE_LIST:
             ground = np.asarray(points, np.float64)
         elif alpha < 1.0:
-            tracked.setdefault((kind, tuple(scale)), []).append(Pose((x, y, z), (qw, qx, qy, qz)))
+            width, _, height = scale  # types of markers have the numbers of kinds of shape
+            sizes = {Marker.CUBE: tuple(scale), Marker.SPHERE: (0.5 * width,)}.get(kind, (height, 0.5 * width))
+            tracked.setdefault((kind, sizes), []).append(Pose((x, y, z), (qw, qx, qy, qz)))
     return ground, tracked
 
 

@@ -13,7 +13,6 @@ from geometry_msgs.msg import PoseArray
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, ContactArray, TrackedBody, TrackedBodyArray
-from visualization_msgs.msg import Marker
 
 from smartmesh_ros.ground.limits import require_possible
 from smartmesh_ros.ground.quaternions import rotated
@@ -51,9 +50,9 @@ class Pose(NamedTuple):
         return rotated(np.array([-x, -y, -z, w]), points_w - self.position)
 
 
-# Poses of the middles of tracked bodies on ~/scene by type and scale [m] of their markers: balls before boxes before
-# cylinders before capsules, and each kind in the order of ~/body_descriptions.
-TrackedMarkers = dict[tuple[int, Vector], list[Pose]]
+# Poses of the middles of tracked bodies on ~/scene by kind and dimensions [m] as of BodyDescription, a capsule as its
+# cylinder: balls before boxes before cylinders before capsules, and each kind in the order of ~/body_descriptions.
+TrackedMarkers = dict[tuple[int, tuple[float, ...]], list[Pose]]
 
 
 @dataclass
@@ -163,9 +162,10 @@ class Sight:
 
     def take_tracked(self, drawn: TrackedMarkers) -> None:
         """Place the tracked bodies that are not `heard` where ~/scene has them."""
-        waiting = {marker: deque(poses) for marker, poses in drawn.items()}
+        waiting = {shape: deque(poses) for shape, poses in drawn.items()}
         for name, body in sorted(self.appearances.items(), key=lambda item: item[1].shape):
-            if body.tracked and body.dimensions and (poses := waiting.get(_marker_of(body))):
+            shape = min(body.shape, BodyDescription.CYLINDER), tuple(body.dimensions)
+            if body.tracked and (poses := waiting.get(shape)):
                 pose = poses.popleft()
                 if name not in self.heard:
                     self.poses[name] = pose
@@ -177,16 +177,6 @@ class Sight:
                 self.boxes[body.id] = tuple(body.centre.tolist()), tuple(body.dimensions.tolist())
             else:
                 self.boxes.pop(body.id, None)
-
-
-def _marker_of(body: BodyDescription) -> tuple[int, Vector]:
-    """Return type and scale [m] of the marker of a body on ~/scene; of a capsule, of its cylinder."""
-    if body.shape == BodyDescription.BOX:
-        x, y, z = body.dimensions
-        return Marker.CUBE, (x, y, z)
-    width, height = 2.0 * body.dimensions[-1], body.dimensions[0]
-    is_ball = body.shape == BodyDescription.SPHERE
-    return (Marker.SPHERE, (width, width, width)) if is_ball else (Marker.CYLINDER, (width, width, height))
 
 
 def _bodies_of(message: Any) -> list[TrackedBody]:
