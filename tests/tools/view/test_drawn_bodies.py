@@ -3,6 +3,7 @@
 import io
 import math
 from collections import Counter, deque
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, TrackedBody, TrackedBodyArray
 from std_msgs.msg import Header
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.testing import pose_message
 
 pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")
@@ -23,6 +25,7 @@ import trimesh
 from smartmesh_ros.tools.client.ground import Ground
 from smartmesh_ros.tools.client.remote import Remote
 from smartmesh_ros.tools.client.sight import KINDS, Pose, Sight
+from smartmesh_ros.tools.view.camera import Lens, camera_on
 from smartmesh_ros.tools.view.robots import GAP, Robot
 from smartmesh_ros.tools.view.scene import Scene
 
@@ -45,9 +48,9 @@ def tell(sight: Sight, topic: str, bodies: list[Any], frame: str = "") -> None:
     sight.take(topic, serialize_message(kind(header=Header(frame_id=frame), bodies=bodies)))
 
 
-def batches(server: Any, sight: Sight) -> list[Any]:
-    """What is drawn of bodies that are no robots."""
-    Scene(server).show(Ground(), sight)
+def batches(server: Any, sight: Sight, scene: Scene | None = None) -> list[Any]:
+    """What a scene, which may be a new one, draws of bodies that are no robots."""
+    (scene or Scene(server)).show(Ground(), sight)
     return [handle for path, handle in server.scene._handle_from_node_name.items() if path.startswith("/bodies/")]
 
 
@@ -71,6 +74,20 @@ def test_tracked_bodies_of_another_frame_are_not_drawn_where_they_are_not() -> N
         sight.take("body_poses", serialize_message(PoseArray(header=Header(frame_id=frame), poses=poses)))
     assert sight.poses.keys() == {"body_states in map", "tracked_bodies in /map", "body_0", "body_1"}
     assert sight.poses["body_1"].position == (1.0, 2.0, 3.0)
+
+
+@pytest.mark.parametrize("wrong", [math.nan, -math.inf, 1e20])
+@pytest.mark.parametrize("topic", ["tracked_bodies", "body_poses"])
+def test_poses_that_the_node_refuses_are_not_shown(topic: str, wrong: float) -> None:
+    """The camera that should show them ended the view."""
+    sight = Sight()
+    for x in (1.0, wrong):
+        pose = pose_message((x, 2.0, 3.0))
+        poses, bodies = PoseArray(poses=[pose]), TrackedBodyArray(bodies=[TrackedBody(id="body_0", pose=pose)])
+        with nullcontext() if x == 1.0 else pytest.raises(InputError):
+            sight.take(topic, serialize_message(poses if topic == "body_poses" else bodies))
+        assert np.isfinite(camera_on(*sight.bodies, Lens(1.0, 1.5), Ground()).position).all()
+    assert sight.poses["body_0"].position == (1.0, 2.0, 3.0)
 
 
 def test_a_body_that_was_removed_is_not_found_at_its_last_pose() -> None:
@@ -101,7 +118,7 @@ def test_a_robot_is_drawn_by_its_meshes_and_else_by_its_collision_shapes(
     trimesh.creation.box((1.0, 1.0, 0.8)).export(tmp_path / "box.stl")
     shown = Robot(server, "rover", BodyDescription(urdf=robot(links), urdf_file=str(tmp_path / "robot.urdf")))
     shown.show(Sight(bases={"b": at(0.0, 0.0, 1.0)}))
-    assert shown.readable
+    assert not shown.fault
     assert drawn["/labels/rover"].position[2] == pytest.approx(1.0 + top + GAP)
 
 
@@ -117,7 +134,7 @@ def test_a_robot_has_the_colours_of_its_description_in_daylight(server: Any, dra
     (tmp_path / "cube.obj").write_text("mtllib cube.mtl\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     (tmp_path / "cube.mtl").write_text("newmtl red\nKd 1 0 0\n")
     urdf = robot('<link name="base"/>' + "".join(links))
-    assert Robot(server, "r", BodyDescription(urdf=urdf, urdf_file=str(tmp_path / "robot.urdf"))).readable
+    assert not Robot(server, "r", BodyDescription(urdf=urdf, urdf_file=str(tmp_path / "robot.urdf"))).fault
     files = [handle.glb_data for handle in drawn.values() if hasattr(handle, "glb_data")]
     assert len(files) == 3
     for data in files:
@@ -154,11 +171,26 @@ def test_a_box_is_drawn_where_its_centre_is(server: Any) -> None:
     np.testing.assert_allclose(box.batched_positions, [[1.0, 2.25, 3.5]], atol=1e-6)
 
 
-def test_a_robot_whose_file_was_deleted_is_a_ball(server: Any) -> None:
-    """The node describes it anew, then without its text, when another body comes."""
-    deleted = BodyDescription(shape=BodyDescription.ROBOT, urdf_file="/gone")
-    [ball] = batches(server, Sight(poses={"r": at(1.0, 2.0, 3.0)}, appearances={"r": deleted}))
-    assert ball.batched_positions.tolist() == [[1.0, 2.0, 3.0]]
+@pytest.mark.parametrize(
+    ("urdf", "file", "fault"),
+    [("", "/gone.urdf", "its file /gone.urdf is gone from the node"), ("<robot", "", "cannot be read (unclosed")],
+)
+def test_a_robot_that_cannot_be_drawn_is_the_box_around_its_links_and_the_page_says_why(
+    server: Any, drawn: Any, urdf: str, file: str, fault: str
+) -> None:
+    """The node describes a robot anew, then without its text, when another body comes."""
+    sight, scene = Sight(), Scene(server)
+    described = BodyDescription(id="r", shape=BodyDescription.ROBOT, urdf=urdf, urdf_file=file)
+    tell(sight, "body_descriptions", [described])
+    state = TrackedBody(id="r", pose=pose_message((1.0, 2.0, 3.0)), shape=TrackedBody.SHAPE_BOX)
+    state.dimensions, state.centre = [0.5, 0.25, 1.0], [0.25, 0.0, 0.5]
+    tell(sight, "body_states", [state])
+    [box] = batches(server, sight, scene)
+    assert box.batched_positions.tolist() == [[1.25, 2.0, 3.5]]
+    assert np.ptp(box.vertices, axis=0).tolist() == [0.5, 0.25, 1.0]
+    assert drawn["/labels/r"].visible
+    [words] = scene.faults
+    assert words.startswith("r is drawn as a box: ") and fault in words
 
 
 def test_bodies_of_nearly_the_same_size_are_all_drawn(server: Any) -> None:
