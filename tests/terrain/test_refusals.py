@@ -44,6 +44,11 @@ def mesh(vertices: Any = PLACES, triangles: Any = TRIANGLES, **more: Any) -> Tri
     return TriangleMesh(vertices, triangles, **more)
 
 
+def layer(name: str) -> Callable[..., object]:
+    """A maker of a map whose material has this layer."""
+    return lambda given: flat(material=Material(**{name: given}))
+
+
 def occupancy(percent: int) -> object:
     return occupancy_heights(np.array([[percent]], np.int8), RasterConfig())
 
@@ -94,6 +99,15 @@ REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
     (flat, "type"): [
         ({"material": given}, "pass Material(friction=..., ...)") for given in ({"friction": 0.5}, np.ones((9, 12)))
     ],
+    (flat, "layer"): [({"friction": 0.3, "material": Material(friction=0.3)}, "given twice")],
+    (layer("friction"), "friction"): [((given,), "zero or more") for given in (-0.1, NAN, INF, -ONES, INF * ONES)],
+    (layer("friction"), "type"): [((np.full((9, 12), "ice"),), "real numbers")],
+    (layer("stiffness"), "stiffness"): [((0.0,), "above zero"), ((-ONES,), "above zero")],
+    (layer("damping"), "damping"): [((-1.0,), "zero or more"), ((INF,), "zero or more")],
+    (layer("restitution"), "restitution"): [((1.1,), "at most 1")],
+    (layer("rolling"), "rolling"): [((INF * ONES,), "zero or more")],
+    (layer("rolling"), "length"): [((np.ones((3, 3)),), "it must be")],
+    (layer("soil"), "soil"): [((np.full((9, 12), 255),), "0 to 254")],
     (Deck, "thickness"): [({"thickness": given}, "zero or more") for given in (-1.0, NAN, [0.1])],
     (Terrain().put, "name"): [
         ((name, made), "must be a text") for name in (3, None) for made in (flat(), Deck(flat()))
@@ -134,6 +148,11 @@ def map_update(how: str, *place: int, heights: Any = ONES, **given: Any) -> tupl
     return heightmap, lambda: getattr(heightmap, how)(*place, heights, **{"time": 1.0, **given})
 
 
+def map_layers(**layers: Any) -> tuple[HeightMap, Any]:
+    heightmap = flat(friction=0.3)
+    return heightmap, lambda: heightmap.give(Material(**layers))
+
+
 def map_shift(by: Any) -> tuple[HeightMap, Any]:
     heightmap = flat()
     return heightmap, lambda: heightmap.shift_time(by)
@@ -160,6 +179,7 @@ UPDATES = [
         ("update_region", (0, 0), (3,), "length"))),
     *((map_update, ("update_region", row, 0), {"heights": np.zeros((2, 2))}, "region")
         for row in (1.0, "1", None, np.uint8(255))),
+    (map_layers, (), {"friction": 0.5, "stiffness": 0.0}, "stiffness"),
     *((map_shift, (by,), {}, "time") for by in (NAN, INF, None, "later")),
     *((mesh_update, (vertices,), {} if indices is None else {"indices": indices}, reason)
         for vertices, indices, reason in (
