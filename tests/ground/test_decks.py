@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros import BodyState, Box, Deck, Ground, HeightMap, HeightScan, InputError, Sphere, Terrain, World
+from smartmesh_ros import BodyState, Box, Deck, Ground, HeightMap, HeightScan, Sphere, Terrain, World
 from smartmesh_ros.ground.quaternions import quaternion_of
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
@@ -252,26 +252,3 @@ def test_a_frame_tells_its_orientation_as_it_was_given(numbers: tuple[float, ...
     turn = np.array(numbers) / math.hypot(*numbers)
     found = quaternion_of(Deck(orientation=turn).frame(0.0).rotation)
     assert abs(found @ turn) == pytest.approx(1.0, abs=1e-12)
-
-
-def test_what_is_no_deck_is_refused() -> None:
-    deck, terrain = Deck(a_map()), Terrain(a_map())
-    deck.move((0.0, 0.0, 0.0), time=1.0)
-    for wrong in (
-        lambda: deck.move((0.0, 0.0), time=2.0),
-        lambda: deck.move((0.0, 0.0, math.nan), time=2.0),
-        lambda: deck.move((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 2.0), time=2.0),
-        lambda: deck.move((0.0, 0.0, 0.0), time=0.5),
-        lambda: deck.move((0.0, 0.0, 0.0), time=2.0, velocity=(1.0, 0.0, 0.0)),
-        lambda: terrain.put("", deck),
-        lambda: terrain.deck("deck"),
-    ):
-        with pytest.raises(InputError):
-            wrong()
-    terrain.put("deck", deck)
-    with pytest.raises(InputError):
-        terrain.put("deck", a_map())
-    with World(terrain) as world, pytest.raises(InputError):
-        world.ground.carry("deck", 99)
-    terrain.remove("deck")
-    assert not terrain.decks

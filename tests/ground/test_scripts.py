@@ -102,6 +102,7 @@ def times() -> Iterator[Callable[[int], Any]]:
             )
             for link in (-2, 0, "deck")
         ),
+        (lambda c: Ground(c, terrain_of(deck=Deck(level()))).carry("deck", 99), "no body 99"),
         (lambda c: [g := Ground(c, level()), g.attach(g.attach(ball_in(c)).collider)], "is a piece of this ground"),
         (lambda c: HeightMap(np.zeros((5, 5))), "resolution is missing; pass resolution="),
         (lambda c: HeightMap(np.zeros((5, 5)), resolution="fine"), "resolution is 'fine'"),
