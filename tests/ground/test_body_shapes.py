@@ -48,17 +48,6 @@ def test_a_shape_given_is_the_shape_read(client: Any, shape: Any, maximal: bool)
     assert read.radius == pytest.approx(shape.bounding_radius)
 
 
-def lowest_by_bullet(client: Any, body: int, link: int, floor: int) -> float:
-    """Height of the lowest point of a body or link above a box whose top is at zero [m]."""
-    return min(float(point[8]) for point in client.getClosestPoints(body, floor, 50.0, link, -1))
-
-
-def lowest_by_shape(client: Any, body: int, link: int, shape: BodyShape) -> float:
-    """Height of the lowest point of a body or link [m]."""
-    found = client.getBasePositionAndOrientation(body) if link < 0 else client.getLinkState(body, link, 0, 1)
-    return lowest_of(shape, np.array(found[0]), np.array(found[1]))
-
-
 @pytest.mark.parametrize("flags", [0, pb.URDF_USE_IMPLICIT_CYLINDER])
 @pytest.mark.parametrize("urdf", ["husky/husky", "laikago/laikago", "mini_cheetah/mini_cheetah", "a1/a1", "r2d2", ""])
 def test_links_reach_as_far_as_they_do_in_bullet(client: Any, tmp_path: Path, urdf: str, flags: int) -> None:
@@ -75,9 +64,12 @@ def test_links_reach_as_far_as_they_do_in_bullet(client: Any, tmp_path: Path, ur
     for _ in range(6 if urdf else 60):
         client.resetBasePositionAndOrientation(loaded, (0.0, 0.0, 3.0), random_turn(rng))
         for index, shape in shapes.items():
-            lowest = lowest_by_bullet(client, loaded, index, floor)
+            found = (
+                client.getBasePositionAndOrientation(loaded) if index < 0 else client.getLinkState(loaded, index, 0, 1)
+            )
+            lowest = min(float(point[8]) for point in client.getClosestPoints(loaded, floor, 50.0, index, -1))
             exact = ROUNDING if urdf else LEAST_MARGIN
-            assert lowest_by_shape(client, loaded, index, shape) == pytest.approx(lowest, abs=exact)
+            assert lowest_of(shape, np.array(found[0]), np.array(found[1])) == pytest.approx(lowest, abs=exact)
 
 
 def test_a_margin_that_changes_after_the_first_contact_counts(client: Any) -> None:
