@@ -97,16 +97,11 @@ def rising(times: NDArray[np.float64], speed: float = 1.0, noise: float = 0.0) -
     return told([np.full((5, 5), speed * time) + rng.normal(0.0, noise, (5, 5)) for time in times], times)
 
 
-def bursts(spacing: float) -> FloatArray:
-    """Five maps one right after the other every five intervals."""
-    starts = 5.0 * INTERVAL * np.arange(1, 7)
-    return (starts[:, None] + spacing * np.arange(5)).ravel()
-
-
 @pytest.mark.parametrize("spacing", [0.001, 0.003, 0.006, 0.01])
 def test_a_burst_makes_no_velocity_of_noise(spacing: float) -> None:
     """What noise makes of maps that lie close together is divided by the time to the maps before them."""
-    heightmap = rising(bursts(spacing), speed=0.0, noise=0.01)
+    starts = 5.0 * INTERVAL * np.arange(1, 7)
+    heightmap = rising(np.add.outer(starts, spacing * np.arange(5)).ravel(), speed=0.0, noise=0.01)
     speeds = heightmap.sample(SAMPLES, heightmap.time).velocities
     assert np.abs(speeds).max() < 4.0 * 0.01 * np.sqrt(2.0) / (4.0 * INTERVAL)
 
