@@ -3,6 +3,7 @@
 import gc
 import math
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -195,10 +196,8 @@ def test_there_are_no_contacts_with_heights_and_no_scans_from_places_that_are_no
     ids=["cells", "margin", "duration"],
 )
 def test_contacts_of_extreme_numbers_do_no_harm(changes: dict[str, Any]) -> None:
-    try:
+    with suppress(*REFUSED):
         call("find_contacts", motion=np.full((2, 3), 1e6), **changes)
-    except REFUSED:
-        return
 
 
 @pytest.mark.parametrize(
