@@ -1,4 +1,4 @@
-"""The motion of ground whose maps are noisy, or come at uneven times.
+"""The motion of ground whose maps are noisy, late, or come at uneven times.
 
 Velocities of noisy ground count as far as they stand out of the noise.
 """
