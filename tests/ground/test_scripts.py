@@ -33,11 +33,9 @@ from tests.grounds import level, terrain_of
 
 
 @pytest.fixture
-def client() -> Iterator[int]:
+def client(client: Any) -> int:
     """The number of a client, as users of ``physicsClientId=`` have it."""
-    number = pb.connect(pb.DIRECT)
-    yield number
-    pb.disconnect(number)
+    return int(client._client)
 
 
 def ball_in(client: int) -> int:
