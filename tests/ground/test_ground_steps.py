@@ -63,16 +63,6 @@ def test_what_stands_astride_a_peak_is_above_the_ground(client: Any, maximal: bo
     assert ground.rescues == 1
 
 
-def test_bodies_that_physics_does_not_move_stay_where_they_are(client: Any) -> None:
-    fixed, patched = put(client, BALL, (0.013, 0.021, -0.01), 0.0), put(client, BALL, (0.013, 0.021, -1.0))
-    ground = ground_of(client, level(), fixed)
-    ground.attach(patched, solid=False)
-    ground.step(0.0, DT)
-    assert height(client, fixed) == -0.01
-    assert height(client, patched) < -1.0
-    assert ground.rescues == 0
-
-
 def test_a_body_that_is_nowhere_disturbs_no_other(client: Any) -> None:
     lost, fine = put(client, BALL, (0.013, 0.021, 0.5)), put(client, BALL, (0.013, 0.021, 0.3))
     client.resetBasePositionAndOrientation(lost, (math.nan, 0.0, 0.0), (0, 0, 0, 1))
