@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion
 from numpy.typing import ArrayLike, NDArray
+from rclpy.serialization import serialize_message
 from shape_msgs.msg import MeshTriangle
 from smartmesh_msgs.msg import Heightmap, MaterialLayer, TerrainMesh
 from visualization_msgs.msg import Marker
 
+from smartmesh_ros.node.inputs.cdr_reader import map_from
 from smartmesh_ros.node.outputs.cdr import floats
 
 
@@ -90,15 +92,12 @@ def points_of(marker: Marker) -> NDArray[np.float64]:
 
 def assert_on_map(points: NDArray[np.float64], message: Heightmap, tolerance: float = 1e-6) -> None:
     """Assert that every point (n, 3) [m] has the place and height of a sample of the map, within ``tolerance`` [m]."""
-    info = message.info
-    q, origin = info.origin.orientation, info.origin.position
-    yaw = 2.0 * math.atan2(q.z, q.w)
-    offset = points[:, :2] - (origin.x, origin.y)
-    column = (offset @ (math.cos(yaw), math.sin(yaw))) / info.resolution
-    row = (offset @ (-math.sin(yaw), math.cos(yaw))) / info.resolution
-    cells = np.rint([row, column]).astype(int)
-    assert np.abs([row, column] - cells).max() * info.resolution <= tolerance, "a vertex is not at a sample's place"
-    assert cells.min() >= 0, "a vertex is outside the map"
-    heights = np.frombuffer(message.heights, np.float32).reshape(info.height, info.width)
-    expected = heights[cells[0], cells[1]].astype(float) + origin.z
+    raster = map_from(serialize_message(message)).raster
+    assert raster is not None, "the map is empty"
+    grid = raster.geometry
+    places = grid.to_grid(points[:, :2])
+    cells = np.rint(places).astype(int)
+    assert np.abs(places - cells).max() * grid.resolution <= tolerance, "a vertex is not at a sample's place"
+    assert ((cells >= 0) & (cells <= grid.last)).all(), "a vertex is outside the map"
+    expected = raster.heights[cells[:, 0], cells[:, 1]].astype(float) + grid.origin[2]
     assert np.abs(points[:, 2] - expected).max() <= tolerance, "a vertex is not at its sample's height"

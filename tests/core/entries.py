@@ -82,9 +82,9 @@ def clock_bytes(*shape: int, **fields: float) -> np.ndarray:
     return clocks.view(np.uint8).reshape(*shape, CLOCK.itemsize)
 
 
-def grid_of(heights: np.ndarray, resolution: float = 0.1, yaw: float = 0.0) -> Any:
+def grid_of(heights: np.ndarray, resolution: float = 0.1) -> Any:
     """Return a height map of the core whose first sample is at the origin."""
     grid = CORE.Grid(*heights.shape)
     grid.heights[...] = heights
-    grid.place(0.0, 0.0, 0.0, yaw, resolution)
+    grid.place(0.0, 0.0, 0.0, 0.0, resolution)
     return grid

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.core import body_entries, ground_entries
 from tests.core.entries import REFUSED, SPOILT
+from tests.core.functions import ENTRIES
 
-ENTRIES = ground_entries.ENTRIES | body_entries.ENTRIES
 ARRAYS = [(entry, name) for entry in ENTRIES for name in ENTRIES[entry].arrays()]
 # Numbers that are hardly possible, for each type of them.
 EXTREMES = {

@@ -1,6 +1,7 @@
 """Messages spoilt as wires, bugs and enemies spoil them: field by field, and in their bytes."""
 
 import struct
+from array import array
 from typing import Any
 
 import numpy as np
@@ -32,12 +33,8 @@ def spoil(message: Any, rng: np.random.Generator) -> None:
             if len(values):
                 spoil(values[place], rng)
         else:
-            values[place : place + 1] = _like(values, [_extreme(element, rng)])
-
-
-def _like(values: Any, new: list[Any]) -> Any:
-    """Elements as a field of a message keeps them: in a list, an array.array or one of NumPy."""
-    return new if isinstance(values, (list, np.ndarray)) else type(values)(values.typecode, new)
+            new = [_extreme(element, rng)]  # in a list, an array.array or one of NumPy
+            values[place : place + 1] = new if isinstance(values, (list, np.ndarray)) else array(values.typecode, new)
 
 
 def _extreme(slot: Any, rng: np.random.Generator) -> Any:

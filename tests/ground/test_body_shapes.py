@@ -16,15 +16,16 @@ from tests.grounds import level
 from tests.urdfs import box, link, robot
 
 SHAPES = (Sphere(0.2), Box(0.2, 0.4, 0.6), Cylinder(radius=0.1, height=0.5), Capsule(radius=0.1, height=0.5))
-# By which PyBullet's loader grows the hulls of links [m].
-HULL_MARGIN = 1e-3
+# By which Bullet rounds the boxes and cylinders of links, and the least margin that can be set, of several shapes [m].
+ROUNDING, LEAST_MARGIN = 1e-3, 1e-5
 FLOOR = Box(100.0, 100.0, 100.0)  # whose top is at zero
 # A link of several shapes, each at a place of its own and turned.
 SEVERAL = link(
     "base", box((0.2, 0.4, 0.6)), at="0.3 -0.1 0.2", rpy="0.3 -0.8 1.9",
     more='<collision><origin xyz="-0.2 0.4 0"/><geometry><sphere radius="0.15"/></geometry></collision>'
     '<collision><origin xyz="0 -0.3 0.2" rpy="1.1 0.4 0"/><geometry><cylinder radius="0.1" length="0.4"/></geometry>'
-    "</collision>",
+    '</collision><collision><origin xyz="0.1 0.3 0.2" rpy="1.1 0.4 0"/><geometry><capsule radius="0.1" length="0.9"/>'
+    "</geometry></collision>",
 )  # fmt: skip
 
 
@@ -47,17 +48,6 @@ def test_a_shape_given_is_the_shape_read(client: Any, shape: Any, maximal: bool)
     assert read.radius == pytest.approx(shape.bounding_radius)
 
 
-def lowest_by_bullet(client: Any, body: int, link: int, floor: int) -> float:
-    """Height of the lowest point of a body or link above a box whose top is at zero [m]."""
-    return min(float(point[8]) for point in client.getClosestPoints(body, floor, 50.0, link, -1))
-
-
-def lowest_by_shape(client: Any, body: int, link: int, shape: BodyShape) -> float:
-    """Height of the lowest point of a body or link [m]."""
-    found = client.getBasePositionAndOrientation(body) if link < 0 else client.getLinkState(body, link, 0, 1)
-    return lowest_of(shape, np.array(found[0]), np.array(found[1]))
-
-
 @pytest.mark.parametrize("flags", [0, pb.URDF_USE_IMPLICIT_CYLINDER])
 @pytest.mark.parametrize("urdf", ["husky/husky", "laikago/laikago", "mini_cheetah/mini_cheetah", "a1/a1", "r2d2", ""])
 def test_links_reach_as_far_as_they_do_in_bullet(client: Any, tmp_path: Path, urdf: str, flags: int) -> None:
@@ -67,13 +57,19 @@ def test_links_reach_as_far_as_they_do_in_bullet(client: Any, tmp_path: Path, ur
     file = f"{pybullet_data.getDataPath()}/{urdf}.urdf" if urdf else str(tmp_path / "several.urdf")
     loaded = client.loadURDF(file, flags=flags)
     links = {index for index in range(-1, client.getNumJoints(loaded)) if client.getCollisionShapeData(loaded, index)}
+    for index in links:
+        client.changeDynamics(loaded, index, collisionMargin=LEAST_MARGIN)
     shapes = read_shapes(client, loaded)
     assert shapes.keys() == links
-    for _ in range(6):
+    for _ in range(6 if urdf else 60):
         client.resetBasePositionAndOrientation(loaded, (0.0, 0.0, 3.0), random_turn(rng))
         for index, shape in shapes.items():
-            lowest = lowest_by_bullet(client, loaded, index, floor)
-            assert lowest_by_shape(client, loaded, index, shape) == pytest.approx(lowest, abs=HULL_MARGIN)
+            found = (
+                client.getBasePositionAndOrientation(loaded) if index < 0 else client.getLinkState(loaded, index, 0, 1)
+            )
+            lowest = min(float(point[8]) for point in client.getClosestPoints(loaded, floor, 50.0, index, -1))
+            exact = ROUNDING if urdf else LEAST_MARGIN
+            assert lowest_of(shape, np.array(found[0]), np.array(found[1])) == pytest.approx(lowest, abs=exact)
 
 
 def test_a_margin_that_changes_after_the_first_contact_counts(client: Any) -> None:

@@ -12,7 +12,6 @@ from smartmesh_ros import BodyState, Box, Deck, HeightMap, InputError, Sphere, T
 from smartmesh_ros.world.driving import Carrier
 from smartmesh_ros.world.joints import JointCommand
 from tests.bodies import about_y, ground_of, put, rotation
-from tests.ground.ships import OMEGA
 from tests.grounds import level, world_of
 from tests.urdfs import HUSKY, box, joint, link, robot
 
@@ -68,7 +67,7 @@ def test_a_rover_drives_from_a_rolling_deck_over_a_ramp_onto_ground_at_rest() ->
     with world_of(terrain, friction=1.0) as world:
         climbs = []
         for step in range(1500):
-            turn = about_y(math.radians(3.0) * math.sin(OMEGA * world.time))
+            turn = about_y(math.radians(3.0) * math.sin(math.tau * world.time / 8.0))
             deck.move(axis - rotation(turn) @ axis, turn, time=world.time)
             if step == 0:
                 world.spawn_robot("husky", HUSKY, BodyState((3.0, 0.0, 0.6)))

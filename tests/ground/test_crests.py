@@ -228,10 +228,7 @@ def test_plates_that_fall_over_a_rim_gain_no_energy(form: str) -> None:
 
 
 # Which samples at x, y [m] are no ground.
-Hole = Callable[[np.ndarray, np.ndarray], np.ndarray]
-
-
-HOLES: dict[str, Hole] = {
+HOLES: dict[str, Callable[[FloatArray, FloatArray], Any]] = {
     "from x = 0 on": lambda x, y: x > 0.01,
     "slot": lambda x, y: (x > 0.01) & (x < 0.99) & (abs(y) < 0.29),  # 0.6 m wide, but for a facet in each corner
     "pit": lambda x, y: (abs(x) < 0.19) & (abs(y) < 0.19),  # 0.4 m wide

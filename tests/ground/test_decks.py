@@ -3,31 +3,87 @@
 import copy
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros import BodyState, Box, Deck, Ground, HeightScan, InputError, Sphere, Terrain, World
+from smartmesh_ros import BodyState, Box, Deck, Ground, HeightMap, HeightScan, Sphere, Terrain, World
 from smartmesh_ros.ground.quaternions import quaternion_of
 from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.world.driving import Carrier
 from studies.records.touchdown import speed_at_deck
 from tests.bodies import rotation
 from tests.core import mesh_parts
-from tests.ground.ships import Ship, a_map, on_deck
 from tests.grounds import level, world_of
 
 DT, G = 1.0 / 240.0, 9.81
 BOX = Box(0.5, 0.4, 0.3)
+OMEGA = math.tau / 8.0  # of a ship's motion [rad/s]
+
+
+class Ship(NamedTuple):
+    """A ship that surges, heaves, rolls and pitches about a place 2 m above the origin."""
+
+    heave: float = 0.5
+    surge: float = 0.3
+    tilt: float = math.radians(10.0)
+    phase: float = 0.0
+
+    def position(self, time: float) -> FloatArray:
+        wave = math.sin(OMEGA * time + self.phase)
+        return np.array([self.surge * wave, 0.0, 2.0 + self.heave * wave])
+
+    def orientation(self, time: float) -> FloatArray:
+        """Roll, then pitch a quarter of a period later (x, y, z, w)."""
+        roll = 0.5 * self.tilt * math.sin(OMEGA * time + self.phase)
+        pitch = 0.5 * self.tilt * math.cos(OMEGA * time + self.phase)
+        a, b, c, d = math.sin(roll), math.cos(roll), math.sin(pitch), math.cos(pitch)
+        return np.array([a * d, b * c, -a * c, b * d])
+
+    def move(self, deck: Deck, time: float) -> None:
+        deck.move(self.position(time), self.orientation(time), time=time)
+
+    def to_deck(self, point: Any, time: float) -> FloatArray:
+        return np.asarray((np.asarray(point) - self.position(time)) @ rotation(self.orientation(time)))
+
+    def to_world(self, point: FloatArray, time: float) -> FloatArray:
+        return np.asarray(rotation(self.orientation(time)) @ point + self.position(time))
+
+    def velocity(self, point: FloatArray, time: float) -> FloatArray:
+        """Of a point of the deck's frame, by central differences [m/s]."""
+        return np.asarray((self.to_world(point, time + 1e-4) - self.to_world(point, time - 1e-4)) / 2e-4)
+
+    def spin(self, time: float) -> FloatArray:
+        """Angular velocity by central differences [rad/s]."""
+        after, before = (rotation(self.orientation(time + by)) for by in (1e-4, -1e-4))
+        skew = (after - before) / 2e-4 @ rotation(self.orientation(time)).T
+        return np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
+
+    def state(self, point: FloatArray, time: float) -> BodyState:
+        """Of a body that is fixed to a point of the deck."""
+        pose = tuple(self.to_world(point, time)), tuple(self.orientation(time))
+        return BodyState(*pose, tuple(self.velocity(point, time)), tuple(self.spin(time)))
+
+
+def a_map() -> HeightMap:
+    return level(21, 0.25)
 
 
 def a_mesh() -> TriangleMesh:
     return TriangleMesh(*mesh_parts.sheet(5.0, 20))
+
+
+def on_deck(deck: Deck, **physics: Any) -> World:
+    """A world of level ground with a deck above it."""
+    terrain = Terrain(level(11, 2.0))
+    terrain.put("deck", deck)
+    return world_of(terrain, **physics)
 
 
 @pytest.mark.parametrize(("mesh", "is_tracked"), [(a_map, False), (a_mesh, False), (a_map, True)])
@@ -196,26 +252,3 @@ def test_a_frame_tells_its_orientation_as_it_was_given(numbers: tuple[float, ...
     turn = np.array(numbers) / math.hypot(*numbers)
     found = quaternion_of(Deck(orientation=turn).frame(0.0).rotation)
     assert abs(found @ turn) == pytest.approx(1.0, abs=1e-12)
-
-
-def test_what_is_no_deck_is_refused() -> None:
-    deck, terrain = Deck(a_map()), Terrain(a_map())
-    deck.move((0.0, 0.0, 0.0), time=1.0)
-    for wrong in (
-        lambda: deck.move((0.0, 0.0), time=2.0),
-        lambda: deck.move((0.0, 0.0, math.nan), time=2.0),
-        lambda: deck.move((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 2.0), time=2.0),
-        lambda: deck.move((0.0, 0.0, 0.0), time=0.5),
-        lambda: deck.move((0.0, 0.0, 0.0), time=2.0, velocity=(1.0, 0.0, 0.0)),
-        lambda: terrain.put("", deck),
-        lambda: terrain.deck("deck"),
-    ):
-        with pytest.raises(InputError):
-            wrong()
-    terrain.put("deck", deck)
-    with pytest.raises(InputError):
-        terrain.put("deck", a_map())
-    with World(terrain) as world, pytest.raises(InputError):
-        world.ground.carry("deck", 99)
-    terrain.remove("deck")
-    assert not terrain.decks

@@ -2,7 +2,6 @@
 sleep, in a PyBullet world of the user's own."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -24,24 +23,18 @@ SIDE = 0.2  # half the edge of a box [m]
 SETTLED, STEPS = 240, 240
 
 
-@dataclass
 class Yard:
     """A box at the origin, others far away, and whatever a case puts beside them."""
 
-    maximal: bool
-    sleeps: bool
-    terrain: HeightMap | TriangleMesh = field(default_factory=lambda: level(201))
-    client: Any = field(default_factory=lambda: BulletClient(pb.DIRECT))
-    others: int = 20
-    other: int = -1  # what a case puts beside the box
-
-    def __post_init__(self) -> None:
+    def __init__(self, maximal: bool, sleeps: bool, terrain: HeightMap | TriangleMesh, others: int) -> None:
+        self.maximal, self.terrain, self.other = maximal, terrain, -1  # what a case puts beside the box
+        self.client: Any = BulletClient(pb.DIRECT)
         self.client.setGravity(0.0, 0.0, -9.81)
-        self.ground = Ground(self.client, self.terrain)
+        self.ground = Ground(self.client, terrain)
         self.box = self.add((0.0, 0.0, SIDE))
-        for k in range(self.others):
+        for k in range(others):
             self.add((-8.0 + 0.6 * k, 5.0, SIDE))
-        self.ground.let_sleep(SleepConfig() if self.sleeps else None)
+        self.ground.let_sleep(SleepConfig() if sleeps else None)
 
     def add(self, place: tuple[float, float, float], mass: float = 2.0, attached: bool = True) -> int:
         body = put(self.client, Box(*(2.0 * SIDE,) * 3), place, mass, useMaximalCoordinates=self.maximal)
@@ -133,7 +126,7 @@ def test_a_sleeping_body_moves_as_if_it_were_awake(name: str, maximal: bool) -> 
     build, act = CASES[name]
     paths = []
     for sleeps in (True, False):
-        yard = Yard(maximal, sleeps)
+        yard = Yard(maximal, sleeps, level(201), others=20)
         build(yard)
         start = yard.run(0, SETTLED)[-1]
         held = name == "a tied body is driven" and not maximal  # by a pivot that may be moved at any time

@@ -84,11 +84,9 @@ def stroke(client: Any, urdf: Path, height: float, speed: float, *, from_map: bo
     if not from_map:
         client.createMultiBody(0.0, client.createCollisionShape(pb.GEOM_PLANE))
     for _ in range(120):
-        for leg in legs:
-            place, rate = client.getJointState(robot, leg)[:2]
-            longest = max(longest, place)
-            force = -8000.0 * place - 700.0 * rate
-            client.setJointMotorControl2(robot, leg, pb.TORQUE_CONTROL, force=force)
+        places, rates = np.array([state[:2] for state in client.getJointStates(robot, legs)]).T
+        longest = max(longest, places.max())
+        client.setJointMotorControlArray(robot, legs, pb.TORQUE_CONTROL, forces=-8000.0 * places - 700.0 * rates)
         client.stepSimulation()
     ground.close()
     return longest

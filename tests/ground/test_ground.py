@@ -183,12 +183,14 @@ def test_all_bodies_of_a_batch_stand_on_the_ground(client: Any) -> None:
 
 
 def test_a_body_that_got_its_mass_after_it_was_attached_is_lifted_out_of_the_ground(client: Any) -> None:
-    ball = put(client, BALL, (0.0, 0.0, 0.3))
+    ball, patched = put(client, BALL, (0.0, 0.0, 0.3)), put(client, BALL, (1.0, 0.0, -1.0))
     client.changeDynamics(ball, -1, mass=0.0)
     ground = ground_of(client, level(), ball)
+    ground.attach(patched, solid=False)
     client.resetBasePositionAndOrientation(ball, (0.0, 0.0, -1.0), (0.0, 0.0, 0.0, 1.0))
     run(ground, 2)
     assert (height(client, ball), ground.rescues) == (-1.0, 0), "what has no mass stays where it was put"
+    assert height(client, patched) < -1.0, "what is not solid falls on"
     client.changeDynamics(ball, -1, mass=1.0)
     run(ground, 60)
     assert height(client, ball) == pytest.approx(0.2, abs=1e-3) and ground.rescues == 1

@@ -63,16 +63,6 @@ def test_what_stands_astride_a_peak_is_above_the_ground(client: Any, maximal: bo
     assert ground.rescues == 1
 
 
-def test_bodies_that_physics_does_not_move_stay_where_they_are(client: Any) -> None:
-    fixed, patched = put(client, BALL, (0.013, 0.021, -0.01), 0.0), put(client, BALL, (0.013, 0.021, -1.0))
-    ground = ground_of(client, level(), fixed)
-    ground.attach(patched, solid=False)
-    ground.step(0.0, DT)
-    assert height(client, fixed) == -0.01
-    assert height(client, patched) < -1.0
-    assert ground.rescues == 0
-
-
 def test_a_body_that_is_nowhere_disturbs_no_other(client: Any) -> None:
     lost, fine = put(client, BALL, (0.013, 0.021, 0.5)), put(client, BALL, (0.013, 0.021, 0.3))
     client.resetBasePositionAndOrientation(lost, (math.nan, 0.0, 0.0), (0, 0, 0, 1))
@@ -111,6 +101,43 @@ def test_a_users_own_steps_are_those_of_the_ground() -> None:
     assert asleep.any(axis=0).sum() >= 6 and (asleep[:-1] & ~asleep[1:]).any(axis=0).sum() >= 4
     for scene in (mine, theirs):
         scene.client.disconnect()
+
+
+def test_sub_steps_of_pybullet_are_steps_of_their_own(client: Any) -> None:
+    """On ground that heaves, each at its own instant."""
+    found = []
+    for sub_steps in (1, 4):
+        client.resetSimulation()
+        client.setGravity(0.0, 0.0, -9.81)
+        client.setTimeStep(sub_steps * DT / 4.0)
+        client.setPhysicsEngineParameter(numSubSteps=sub_steps)
+        terrain = level()
+        bodies = [put(client, shape, (0.3 * k, 0.0, 0.11)) for k, shape in enumerate((Sphere(0.1), Box(0.2, 0.2, 0.2)))]
+        ground = ground_of(client, terrain, *bodies)
+        for step in range(240):
+            terrain.replace(np.full((41, 41), 0.1 * math.sin(2.0 * math.pi * step * DT)), time=step * DT)
+            for sub in range(4 // sub_steps):
+                ground.step((step + 0.25 * sub) * DT, 0.25 * sub_steps * DT)
+        found.append([height(client, body) for body in bodies])
+    np.testing.assert_allclose(found[1], found[0], rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("put_another", [True, False])
+def test_other_ground_of_the_next_episode_throws_nobody(client: Any, put_another: bool) -> None:
+    """Another map in the place of the last one, or heights that came there with no velocity."""
+    rng = np.random.default_rng(1)
+    terrain, body = level(), put(client, BALL, (0.0, 0.0, 0.02))
+    ground = ground_of(client, terrain, body)
+    for _ in range(20):
+        at = float(rng.uniform(-0.5, 0.5))
+        if put_another:
+            ground.terrain.put("", shaped(lambda x, y, at=at: at))
+        else:
+            terrain.replace(np.full((41, 41), at), time=ground.clock, velocities=np.zeros((41, 41)))
+        client.resetBasePositionAndOrientation(body, (0.0, 0.0, at + BALL.radius), (0.0, 0.0, 0.0, 1.0))
+        run(ground, 24)
+        assert height(client, body) == pytest.approx(at + BALL.radius, abs=1e-4)
+    assert ground.rescues == 0
 
 
 BARBELL = robot(

@@ -9,7 +9,7 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, InputError, Material, Sphere, World
+from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, Material, Sphere, World
 from smartmesh_ros.ground.shapes import Capsule, Shape
 from tests.bodies import LYING, UPRIGHT, about_z, ground_of, height, put, run
 from tests.grounds import end_of, level, shaped, world_of
@@ -229,36 +229,3 @@ def test_a_robots_foot_is_as_soft_as_its_description_says() -> None:
     contact = '<contact><stiffness value="2000"/><damping value="200"/></contact>'
     end = end_of(level(), robot(link("foot", mass=2.0, more=contact)), BodyState((0.0, 0.0, SMALL)), 480)
     assert SMALL - end.position[2] == pytest.approx(2.0 * GRAVITY / 2000.0, abs=2e-5)
-
-
-@pytest.mark.parametrize(
-    ("layers", "words"),
-    [
-        *(
-            ({"friction": friction}, "zero or more")
-            for friction in (-0.1, math.nan, math.inf, np.full((41, 201), -1.0))
-        ),
-        ({"friction": np.full((41, 201), np.inf)}, "zero or more"),
-        ({"friction": np.full((41, 201), "ice")}, "real numbers"),
-        ({"stiffness": 0.0}, "above zero"),
-        ({"stiffness": np.full((41, 201), -1.0)}, "above zero"),
-        ({"damping": -1.0}, "zero or more"),
-        ({"damping": math.inf}, "zero or more"),
-        ({"restitution": 1.1}, "at most 1"),
-        ({"rolling": np.full((41, 201), np.inf)}, "zero or more"),
-        ({"rolling": np.ones((3, 3))}, "it must be"),
-        ({"soil": np.full((41, 201), 255)}, "0 to 254"),
-    ],
-)
-def test_an_impossible_material_is_refused_whole(layers: dict[str, Any], words: str) -> None:
-    known = Material(friction=0.3, stiffness=1e5)
-    terrain = flat(known)
-    for give in (
-        terrain.give, lambda bad: terrain.replace(np.ones((41, 201)), time=1.0, material=bad),
-        lambda bad: terrain.update_region(0, 0, np.ones((41, 201)), time=1.0, material=bad),
-    ):  # fmt: skip
-        with pytest.raises(InputError, match=words):
-            give(Material(**{"friction": 0.5, **layers}))
-    assert (terrain.friction, terrain.material.stiffness, terrain.heights.max()) == (0.3, 1e5, 0.0)
-    with pytest.raises(InputError, match="twice"):
-        HeightMap(np.zeros((9, 9)), resolution=0.1, friction=0.3, material=known)

@@ -33,16 +33,12 @@ def digest_of_restored(file: str, *, soil: bool) -> str:
 
 @pytest.fixture
 def scene(request: pytest.FixtureRequest) -> Iterator[Scene]:
-    made = Scene(soil=request.param)
+    made = Scene(soil=getattr(request, "param", False))
     yield made
     made.client.disconnect()
 
 
-both = pytest.mark.parametrize("scene", [False, True], indirect=True, ids=["moving", "soil"])
-moving = pytest.mark.parametrize("scene", [False], indirect=True)
-
-
-@both
+@pytest.mark.parametrize("scene", [False, True], indirect=True, ids=["moving", "soil"])
 def test_a_restored_world_goes_on_to_the_bit_here_and_in_a_new_process(scene: Scene, tmp_path: Path) -> None:
     scene.run(150)
     file = tmp_path / "state.npz"
@@ -63,7 +59,6 @@ def test_a_restored_world_goes_on_to_the_bit_here_and_in_a_new_process(scene: Sc
     assert told.split("digest ")[-1].strip() == digest(first)
 
 
-@moving
 def test_pybullets_own_states_stay_usable_beside_it(scene: Scene) -> None:
     scene.run(20)
     own = scene.client.saveState()
@@ -87,7 +82,6 @@ WRONG: dict[str, tuple[Callable[[Scene], object], str]] = {
 }
 
 
-@moving
 @pytest.mark.parametrize("how", WRONG)
 def test_a_state_of_other_bodies_is_refused_and_changes_nothing(scene: Scene, how: str) -> None:
     scene.run(30)

@@ -3,6 +3,7 @@
 import copy
 import pickle
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -32,32 +33,15 @@ from tests.grounds import level, terrain_of
 
 
 @pytest.fixture
-def client() -> Iterator[int]:
+def client(client: Any) -> int:
     """The number of a client, as users of ``physicsClientId=`` have it."""
-    number = pb.connect(pb.DIRECT)
-    yield number
-    pb.disconnect(number)
+    return int(client._client)
 
 
-def ball_in(client: int, height: float = 0.3) -> int:
+def ball_in(client: int) -> int:
     shape = pb.createCollisionShape(pb.GEOM_SPHERE, radius=0.2, physicsClientId=client)
     pb.setGravity(0.0, 0.0, -9.81, physicsClientId=client)
-    return int(pb.createMultiBody(1.0, shape, basePosition=(0.0, 0.0, height), physicsClientId=client))
-
-
-def test_a_client_may_be_a_number_and_its_ground_is_told_from_other_bodies(client: int) -> None:
-    ball, other = ball_in(client), ball_in(client, 500.0)
-    ground = Ground(client, level())
-    ground.attach(ball)
-    for step in range(240):
-        ground.step(step / 240, 1 / 240)
-    position, _ = pb.getBasePositionAndOrientation(ball, physicsClientId=client)
-    assert position[2] == pytest.approx(0.2, abs=1e-3)
-    [touched] = {point[2] for point in pb.getContactPoints(ball, physicsClientId=client)}
-    assert [body for body in range(20) if ground.is_ground(body)] == [touched]
-    assert touched not in (ball, other)
-    ground.detach(ball)
-    assert not ground.is_ground(touched)
+    return int(pb.createMultiBody(1.0, shape, basePosition=(0.0, 0.0, 0.3), physicsClientId=client))
 
 
 def settings() -> Iterator[tuple[Callable[[int], Any], str]]:
@@ -116,6 +100,7 @@ def times() -> Iterator[Callable[[int], Any]]:
             )
             for link in (-2, 0, "deck")
         ),
+        (lambda c: Ground(c, terrain_of(deck=Deck(level()))).carry("deck", 99), "no body 99"),
         (lambda c: [g := Ground(c, level()), g.attach(g.attach(ball_in(c)).collider)], "is a piece of this ground"),
         (lambda c: HeightMap(np.zeros((5, 5))), "resolution is missing; pass resolution="),
         (lambda c: HeightMap(np.zeros((5, 5)), resolution="fine"), "resolution is 'fine'"),
@@ -153,44 +138,31 @@ def test_ground_and_soil_cannot_be_exchanged_by_an_assignment_that_changes_nothi
                 setattr(of, name, value)
 
 
-class Environment:
-    """As users of reinforcement learning have it."""
-
-    def __init__(self) -> None:
-        self.terrain = level()
-        self.steps = 0
-        self.reset()
-
-    def reset(self) -> None:
-        self.client = pb.connect(pb.DIRECT)
-        self.ball = ball_in(self.client)
-        self.ground = Ground(self.client, self.terrain)
-        self.ground.attach(self.ball)
-
-    def step(self) -> float:
-        self.ground.step(self.steps / 240, 1 / 240)
-        self.steps += 1
-        return float(pb.getBasePositionAndOrientation(self.ball, physicsClientId=self.client)[0][2])
-
-
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"])
-def test_an_environment_that_holds_a_ground_is_copied_and_reset(copied: Callable[[Environment], Environment]) -> None:
+def test_an_environment_that_holds_a_ground_is_copied_and_reset(client: int, copied: Callable[[Any], Any]) -> None:
     """PyBullet's world is not; whoever steps the copy before is told so."""
-    env = Environment()
-    env.step()
+    terrain = level()
+    env = SimpleNamespace(terrain=terrain, ground=Ground(client, terrain), ball=ball_in(client))
+    env.ground.attach(env.ball)
+    env.ground.step(0.0, 1 / 240)
     other = copied(copied(env))
     assert other.ground.terrain.tile("") is other.terrain is not env.terrain
     assert other.ground.at([[0.0, 0.0]], 0.0).z == 0.0
-    for call in (other.step, lambda: other.ground.attach(0), lambda: other.ground.is_ground(0)):
+    for call in (
+        lambda: other.ground.step(0.0, 1 / 240), lambda: other.ground.attach(0), lambda: other.ground.is_ground(0),
+    ):  # fmt: skip
         with pytest.raises(InputError, match=r"this ground is a copy.*make Ground"):
             call()
     other.ground.close()
-    other.reset()
-    for each in (env, other):
-        for _ in range(240):
-            height = each.step()
-        assert height == pytest.approx(0.2, abs=1e-3)
-        pb.disconnect(each.client)
+    number = pb.connect(pb.DIRECT)
+    other.ground, other.ball = Ground(number, other.terrain), ball_in(number)
+    other.ground.attach(other.ball)
+    for each, connected in ((env, client), (other, number)):
+        for step in range(240):
+            each.ground.step(step / 240, 1 / 240)
+        position, _ = pb.getBasePositionAndOrientation(each.ball, physicsClientId=connected)
+        assert position[2] == pytest.approx(0.2, abs=1e-3)
+    pb.disconnect(number)
 
 
 def test_a_copied_world_goes_on_as_its_original_and_soil_is_not_lost() -> None:

@@ -10,7 +10,7 @@ import pytest
 from smartmesh_ros import BodyState, Box, HeightMap, Sphere, Terrain, World
 from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.grid import FloatArray
-from tests.ground.reaching import balls_on
+from tests.ground.test_shown_patches import balls_on
 from tests.grounds import terrain_of, world_of
 
 

@@ -106,7 +106,7 @@ def test_what_keeps_a_mapper_from_a_score_is_told_and_scores_are_written(tmp_pat
         assert "there is no layer 'elevation'; raster.layer may be one of height" in words()
         take["map"](b"no map")
         assert "b'" not in words()
-        give("map", 6)
+        give("map", 6, frame_id="/map")
         assert words() == "the maps wait for the truth of their time"
         give("truth", 6)
         assert words() == "rmse 0.0000 m, bias +0.0000 m, covers 100%, lag unknown, delay -1.000 s"

@@ -52,19 +52,24 @@ def patch_of(heights: np.ndarray) -> Patch:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize(("level", "roll"), [(0.0, 0.0), (300.0, 0.0), (-300.0, 0.0), (0.0, 0.2), (0.0, 0.5)])
-def test_a_field_is_the_surface_of_its_patch(level: float, roll: float) -> None:
+@pytest.mark.parametrize(
+    ("level", "roll", "holes"),
+    [(0.0, 0.0, 0), (300.0, 0.0, 0), (-300.0, 0.0, 1), (0.0, 0.2, 0), (0.0, 0.5, 0), (0.0, 0.2, 1)],
+)
+def test_a_field_is_the_surface_of_its_patch(level: float, roll: float, holes: int) -> None:
     """Rays cast down on it hit the patch's triangles, wherever the patch lies and however it is turned, as on a deck
-    that rolls and pitches."""
+    that rolls and pitches; also at an edge, where its first rows are holes."""
     place, turn = (3.0, -2.0, 1.0), rotation(product(product(about(Z, 0.4), about(Y, 0.7 * roll)), about(X, roll)))
     heights = np.random.default_rng(2).normal(level, 0.0 if roll else 0.1, (6, 9))
     patch = patch_of(heights)
+    vertices = patch.vertices_w @ turn.T + place
+    vertices[: 9 * holes, 2] = np.nan
     model, data = simulator()
-    write_field(model, data, "ground", replace(patch, vertices_w=patch.vertices_w @ turn.T + place))
+    write_field(model, data, "ground", replace(patch, vertices_w=vertices))
     mujoco.mj_forward(model, data)
     [geom] = np.flatnonzero(model.geom_bodyid == model.body("ground").id)
     flat = HeightMap(heights - level, resolution=STEP)
-    for own in np.random.default_rng(3).uniform([0.01, 0.01], [0.79, 0.49], (50, 2)):
+    for own in np.random.default_rng(3).uniform([0.01, 0.01 + STEP * holes], [0.79, 0.49], (50, 2)):
         at = turn @ (*own, level) + place + (0.0, 0.0, 5.0)
         distance = mujoco.mj_rayHfield(model, data, int(geom), at, np.array([0.0, 0.0, -1.0]), np.zeros(3))
         assert distance == pytest.approx(5.0 - flat.at([own], 0.0).heights[0], abs=2e-5)
@@ -111,11 +116,8 @@ def test_an_unknown_field_and_a_patch_that_is_no_grid_are_refused() -> None:
     for name, words in (("soil", r"no height field 'soil'; it has \['other', 'ground'\]"), (2, "it has 2, from 0 on")):
         with pytest.raises(InputError, match=words):
             write_field(model, data, name, patch_of(np.zeros((9, 9))))
-    patch = patch_of(np.zeros((3, 3)))
-    odd = patch.vertices_w.copy()
-    odd[4, 0] += 0.02
     with pytest.raises(InputError, match="is no grid, but triangles of a general mesh"):
-        write_field(model, data, "ground", Patch(**{**vars(patch), "vertices_w": odd}))
+        write_field(model, data, "ground", replace(patch_of(np.zeros((3, 3))), kind="trimesh"))
 
 
 def test_the_program_of_the_page_runs_as_it_stands(probe: Probe) -> None:

@@ -88,6 +88,16 @@ def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(tmp_path: Path
         assert [(name, run.world.state(name)) for name in run.world.bodies] == before
 
 
+def test_bodies_of_a_state_without_soil_stand_on_the_soil_of_the_node() -> None:
+    with on_level({"bodies.spawn": [BALL_ABOVE]}) as saver, on_level({"soil.type": ["lunar"]}) as run:
+        saver.run(1.0)
+        run.run(0.1)
+        restore(run, state=save(saver))
+        run.run(run.time + 1.0)
+        assert saver.world.state("ball").position[2] == pytest.approx(0.2, abs=1e-3)
+        assert run.world.state("ball").position[2] < 0.197
+
+
 def test_an_error_that_nobody_expects_is_the_answer_and_the_node_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """In the first turn of a call, and in a later one."""
     rover = SpawnBody.Request(id="other", urdf=Path(ROVER).read_text(), pose=pose_message((5.0, 5.0, 0.6)))

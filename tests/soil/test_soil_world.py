@@ -8,20 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from smartmesh_ros import (
-    BodyState,
-    Box,
-    Cylinder,
-    HeightMap,
-    InputError,
-    Material,
-    MotionConfig,
-    Soil,
-    SoilType,
-    Sphere,
-    World,
-)
-from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros import BodyState, HeightMap, InputError, Material, MotionConfig, Soil, SoilType, World
+from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.soil.config import soil_named, soils_of
 from tests.bodies import about_z
 from tests.grounds import level, moving
@@ -31,16 +19,12 @@ ALONG = np.tile(0.04 * np.arange(-50, 51), (101, 1))  # [m], from the middle
 BOX = Box(0.2, 0.2, 0.2)
 
 
-def laid(world: World, name: str) -> Soil:
-    world.ground.set_soil(soil := Soil(world.terrain, name))
-    return soil
-
-
 @pytest.mark.parametrize("shape", [Box(0.3, 0.3, 0.3), Sphere(0.15), Cylinder(radius=0.15, height=0.2)])
 def test_a_heavy_body_dropped_from_a_metre_is_neither_lost_nor_thrown(shape: Shape) -> None:
     with World(HeightMap(FLAT, resolution=0.04)) as world:
         world.spawn("heavy", shape, 40.0, BodyState((2.0, 2.0, 1.15)))
-        soil, heights = laid(world, "lunar"), []
+        world.ground.set_soil(soil := Soil(world.terrain, "lunar"))
+        heights = []
         for _ in range(960):
             world.step()
             heights.append(world.state("heavy").position[2])
@@ -56,7 +40,7 @@ def test_a_sliding_box_is_held_by_the_shear_strength() -> None:
     for degrees in (15.0, 45.0):
         with World(HeightMap(-math.tan(math.radians(degrees)) * x, resolution=0.04)) as world:
             world.spawn("box", Box(0.2, 0.2, 0.1), 20.0, BodyState((2.0, 2.0, 0.0)), on_ground=True, align=True)
-            laid(world, "dry_sand")
+            world.ground.set_soil(Soil(world.terrain, "dry_sand"))
             places = [2.0]
             for seconds in (1.0, 0.5, 0.5):
                 world.step(round(seconds / world.dt))
@@ -226,7 +210,7 @@ def test_a_map_that_is_higher_at_once_lifts_what_stands_in_its_soil(shape: Shape
     """Without a velocity, as after a long break. What stood there is below the new ground; its print goes along."""
     with World(HeightMap(FLAT, resolution=0.04)) as world:
         world.spawn("body", shape, 10.0, BodyState((2.0, 2.0, 0.1)))
-        laid(world, "dry_sand")
+        world.ground.set_soil(Soil(world.terrain, "dry_sand"))
         world.step(240)
         before = world.state("body").position[2]
         world.terrain.tile("").replace(FLAT + 0.3, time=world.time + 100.0)

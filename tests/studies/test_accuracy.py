@@ -50,32 +50,18 @@ def test_what_beats_all_of_ours_is_nearer_both_to_the_ground_and_to_the_referenc
         assert beyond_all(true, {k: replace(one, deviation=deviation) for k, one in rivals.items()}) == found
 
 
-def small_scene() -> Scene:
-    bodies = Bodies(count=3, drop=0.0, spread=(2.0, 2.0))
-    return Scene(
-        name="small", title="Small", ground={"kind": "flat"}, grid=(41, 0.25), bodies=bodies, duration=0.5, settle=0.1,
-        reference="none", quick=True,
+def test_a_scene_runs_in_every_engine_and_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bodies stay on level ground. The picture of a box: test_pictures.py."""
+    scene = Scene(
+        name="small", title="Small", ground={"kind": "flat"}, grid=(41, 0.25), duration=0.5, settle=0.1,
+        bodies=Bodies(count=3, drop=0.0, spread=(2.0, 2.0)), reference="none", quick=True,
     )  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def results() -> dict[str, Result]:
-    """The small scene in every engine."""
-    return run_scene(small_scene(), configurations(quick=True))
-
-
-def test_a_scene_runs_in_every_engine_and_bodies_stay_on_level_ground(results: dict[str, Result]) -> None:
+    results = run_scene(scene, configurations(quick=True))
     for name, result in results.items():
         assert result.lost == 0, name
         assert result.most < 2e-3, name
         assert result.cost > 0.0, name
-
-
-def test_the_study_writes_what_it_says(
-    results: dict[str, Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """What it measures is tested above, and the picture of a box in test_pictures.py."""
-    monkeypatch.setattr(accuracy, "read_scenes", lambda: [small_scene()])
+    monkeypatch.setattr(accuracy, "read_scenes", lambda: [scene])
     monkeypatch.setattr(accuracy, "run_scene", lambda *_, **__: results)
     monkeypatch.setattr(accuracy, "draw_box", lambda path: path.touch())
     monkeypatch.setattr(accuracy, "run_matrix", lambda *_, **__: [run_cell(ROWS[0], "defaults")])
@@ -142,9 +128,7 @@ def test_files_that_make_no_scene_are_refused(tmp_path: Path, text: str) -> None
 
 
 @pytest.mark.parametrize("name", ["slope", "elevation_10m"])
-def test_references_on_rigid_ground_change_little_at_four_times_the_rate(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_references_on_rigid_ground_change_little_at_a_higher_rate(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where they correct the same share of a penetration in each step they change by 94 mm and 31 m."""
     [scene] = [scene for scene in SCENES if scene.name == name]
     few = replace(scene, bodies=replace(scene.bodies, count=12))

@@ -8,7 +8,6 @@ from studies.pages import number, times
 
 
 def test_a_quick_run_fills_every_table() -> None:
-    """Of two frames a case."""
     bench = Bench(most=2, least=2, seconds=0.0, quick=True)
     measure(bench)
     tables = all_tables(bench).split("### ")[1:]

@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.shapes import Box, Sphere
-from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros import BodyState, Box, InputError, Sphere
 from studies.engines.engine import ENGINES, EngineBody, Setup, Simulation, build, missing
 
 DT = 1.0 / 240.0

@@ -10,7 +10,6 @@ from PIL import Image
 from scripts import height_scan
 from smartmesh_ros import BodyState, World
 from smartmesh_ros.scenes import tracks
-from smartmesh_ros.terrain.grid import FloatArray
 from studies.matrix.run import draw_box
 from studies.rising_picture import WAYS, grid, height, simulated
 from studies.tiny_renderer import Stage
@@ -18,13 +17,8 @@ from studies.tiny_renderer import Stage
 README = (Path(__file__).parents[2] / "README.md").read_text()
 
 
-def depths_of(way: str) -> FloatArray:
-    """Return the depths (pictures, bodies) below the ground [m]."""
-    return np.array([depths for _, _, depths in simulated(way)])
-
-
 def test_the_depths_that_the_readme_names_are_those_of_the_run() -> None:
-    replaced, ours = (depths_of(way) for way in WAYS)
+    replaced, ours = (np.array([depths for _, _, depths in simulated(way)]) for way in WAYS)  # of pictures and bodies
     [named] = re.findall(r"sink (\d+) mm into it; here they sink ([\d.]+) mm", README.replace("\n", " "))
     for depths, millimetres in zip((replaced, ours), named, strict=True):
         assert 1e3 * depths.max() == pytest.approx(float(millimetres), rel=0.2)

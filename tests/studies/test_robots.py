@@ -56,9 +56,7 @@ def gon() -> Part:
 )
 @given(depth=st.floats(-0.08, 0.03), x=near, y=near, yaw=st.floats(-math.pi, math.pi))
 @example(depth=0.015625, x=0.0, y=0.0, yaw=0.0)
-def test_a_wheel_is_as_deep_as_it_was_sunk(
-    part: Part, oblique: float, depth: float, x: float, y: float, yaw: float
-) -> None:
+def test_a_wheel_is_as_deep_as_sunk(part: Part, oblique: float, depth: float, x: float, y: float, yaw: float) -> None:
     """A corner that stands on the edge between two prisms leaves each of them along the normal of its own side, and is
     less deep by the share ``oblique``."""
     turn = np.array([0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)])
@@ -67,9 +65,7 @@ def test_a_wheel_is_as_deep_as_it_was_sunk(
 
 
 @given(x=near, y=near, height=st.floats(0.0, 0.15), radius=st.floats(0.005, 0.1))
-def test_balls_are_as_far_from_rough_ground_as_brute_force_says(
-    x: float, y: float, height: float, radius: float
-) -> None:
+def test_balls_are_as_far_from_ground_as_brute_force_says(x: float, y: float, height: float, radius: float) -> None:
     surface = Surface(LEVEL, ROUGH)
     centre = np.array([[x, y, 0.0]])
     centre[0, 2] = surface.below(centre)[0] + height
@@ -89,9 +85,7 @@ def test_the_least_clearance_of_links_is_that_of_the_lowest_and_beside_the_map_t
 
 
 @pytest.mark.parametrize("robot", [ROVER, HUSKY, RACECAR, LAIKAGO], ids=lambda robot: robot.name)
-def test_the_shapes_of_links_fill_the_bounds_that_pybullet_gives_them(
-    client: Any, robot: Robot, tmp_path: Path
-) -> None:
+def test_shapes_of_links_fill_the_bounds_that_pybullet_gives_them(client: Any, robot: Robot, tmp_path: Path) -> None:
     """Links that are not turned: bounds of turned ones are too large. The margin is a few millimetres."""
     file = tmp_path / "robot.urdf"
     file.write_text(prepared(robot.urdf))

@@ -7,13 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smartmesh_ros import Box, Capsule, Cylinder, HeightMap
+from smartmesh_ros import Box, Capsule, Cylinder, GridGeometry, HeightMap
 from smartmesh_ros.ground.quaternions import rotated
-from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.tools.evaluation.clearance import clearances, skin
 from smartmesh_ros.tools.evaluation.distance import Surface, nearest
 from smartmesh_ros.tools.evaluation.measures import held_up, penetration
-from tests.bodies import reach
+from tests.bodies import random_turn, reach
 from tests.terrain.surfaces import distances, highest, triangles_of
 
 
@@ -48,8 +47,7 @@ def test_what_lies_beyond_the_reach_or_the_map_is_cut_off() -> None:
 @given(st.integers(0, 10_000))
 def test_turned_shapes_reach_down_by_their_support_function(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    orientation = rng.normal(size=(1, 4))
-    orientation /= np.linalg.norm(orientation)
+    orientation = random_turn(rng)[None]
     down = rotated(orientation * (-1.0, -1.0, -1.0, 1.0), np.array([0.0, 0.0, -1.0]))[0]
     ground = surface(np.zeros((50, 50)), 0.1)
     rim = 0.2 * (1.0 - math.cos(math.pi / 24))  # it is sampled, and at most so much short of the support function
@@ -66,8 +64,7 @@ def test_turned_shapes_reach_down_by_their_support_function(seed: int) -> None:
 def test_leaving_out_points_that_cannot_be_nearest_changes_nothing(seed: int, rough: float) -> None:
     rng = np.random.default_rng(seed)
     ground = surface(rng.normal(0.0, rough, (20, 20)), 0.1)
-    orientation = rng.normal(size=(1, 4))
-    orientation /= np.linalg.norm(orientation)
+    orientation = random_turn(rng)[None]
     position = np.array([[0.0, 1.5, rng.uniform(-0.2, 0.6)]])
     box = Box(0.5, 0.3, 0.2)
     every = nearest(ground, (position[:, None] + rotated(orientation[:, None], skin(box).points))[0], 1.0).distance

@@ -1,15 +1,12 @@
 """Corrections of ground that stands still: what is shown, how fast, and what is known.
 
-Heights fused over time, against the filter in double precision and against what noise does.
+Heights fused over time, by closed forms and against what noise does.
 """
 
 import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from smartmesh_ros import GridGeometry, HeightMap, MotionConfig, Terrain
@@ -143,61 +140,29 @@ def test_what_is_fused_scrolls_with_the_map() -> None:
     np.testing.assert_allclose(heights, [0.005, 0.01, 0.01], atol=1e-4)
 
 
-SHAPE = (5, 7)
-Grid = NDArray[np.float32]
-HEIGHTS = st.floats(-1e3, 1e3, width=32) | st.just(math.nan)
-VARIANCES = st.floats(0.0, 10.0, width=32)
-NOISES = VARIANCES | st.sampled_from([math.nan, math.inf, -1.0])
+# Samples before and as they are measured, and the samples after, in float32: height [m] and variance [m^2].
+FUSED = {
+    "a mean": ((0.0, 3.0), (1.0, 4.0), (0.5, 2.0)),
+    "a mean by certainty": ((8.0, 2.0), (4.0, 1.0), (5.0, 0.75)),
+    "just within the gate": ((0.0, 3.0), (5.65, 4.0), (2.825, 2.0)),
+    "just beyond it": ((0.0, 3.0), (5.66, 4.0), (5.66, 4.0)),
+    "without noise": ((3.7, 3.0), (0.1, 0.0), (0.1, 0.0)),
+    "of a hole": ((math.nan, 3.0), (1.0, 4.0), (1.0, 4.0)),
+    "not seen": ((1.0, 3.0), (math.nan, 4.0), (1.0, 4.0)),
+    **{f"of noise {noise}": ((1.0, 3.0), (2.0, noise), (1.0, 4.0)) for noise in (math.nan, math.inf, -1.0)},
+}
 
 
-def grid(values: st.SearchStrategy[float]) -> st.SearchStrategy[Grid]:
-    return arrays(np.float32, SHAPE, elements=values)
-
-
-def by_information(
-    height: float, variance: float, measured: float, noise: float, grown: float, gate: float
-) -> tuple[float, float]:
-    """One sample in double precision: the mean weighted by information, instead of a gain."""
-    prior = variance + grown
-    if math.isnan(measured) or not 0.0 <= noise < math.inf:
-        return height, prior
-    if math.isnan(height) or noise == 0.0 or abs(measured - height) > gate * math.sqrt(prior + noise):
-        return measured, noise
-    if prior == 0.0:
-        return height, 0.0
-    total = 1.0 / prior + 1.0 / noise
-    return (height / prior + measured / noise) / total, 1.0 / total
-
-
-def at_the_gate(height: float, prior: float, measured: float, noise: float, gate: float) -> bool:
-    """Whether rounding decides if a sample starts anew."""
-    limit = gate * math.sqrt(prior + noise)
-    return abs(abs(measured - height) - limit) <= 1e-5 * (limit + abs(measured) + abs(height))
-
-
-@given(
-    heights=grid(HEIGHTS), variances=grid(VARIANCES), measured=grid(HEIGHTS), noises=grid(NOISES),
-    row=st.integers(0, 2), column=st.integers(0, 3), elapsed=st.floats(0.0, 100.0), growth=st.floats(0.0, 0.1),
-    gate=st.floats(0.1, 20.0) | st.just(math.inf),
-)  # fmt: skip
-def test_every_sample_of_a_region_is_the_filter_in_double_precision_and_no_other_changes(
-    heights: Grid, variances: Grid, measured: Grid, noises: Grid, row: int, column: int, elapsed: float, growth: float,
-    gate: float,
-) -> None:  # fmt: skip
-    """What is measured without noise is taken bit for bit."""
-    known = FusedMap(heights.copy(), variances.copy())
-    region = (slice(row, row + 3), slice(column, column + 4))
-    fuse(known, measured[region], noises[region], elapsed, (row, column), growth=growth, gate=gate)
-    for place in np.ndindex(SHAPE):
-        before, noise, z = float(heights[place]), float(noises[place]), float(measured[place])
-        if not (row <= place[0] < row + 3 and column <= place[1] < column + 4):
-            np.testing.assert_array_equal([array[place] for array in known], [heights[place], variances[place]])
-            continue
-        prior = float(variances[place]) + growth * elapsed
-        if 0.0 < noise < math.inf and at_the_gate(before, prior, z, noise, gate):
-            continue
-        height, variance = by_information(before, float(variances[place]), z, noise, growth * elapsed, gate)
-        reach = 0.0 if math.isnan(before + z) or noise == 0.0 else abs(before) + abs(z)
-        exact = 0.0 if noise == 0.0 and not math.isnan(z) else 1e-6
-        assert known.heights[place] == pytest.approx(height, rel=exact, abs=1e-6 * reach, nan_ok=True)
-        assert known.variances[place] == pytest.approx(variance, rel=1e-5, abs=1e-37)
+def test_each_sample_of_a_region_is_fused_by_its_certainty_which_fades_and_no_other_changes() -> None:
+    """With a gate of two deviations, and a square metre of variance more since the measurement before."""
+    before, seen, after = np.array([*FUSED.values()], np.float32).transpose(1, 2, 0)
+    known = FusedMap(*(np.pad(layer[None], 2, constant_values=7.0) for layer in before))
+    fuse(known, seen[0][None], seen[1][None], 2.0, (2, 2), growth=0.5, gate=2.0)
+    for layer, expected in zip(known, after, strict=True):
+        np.testing.assert_allclose(layer[2, 2:-2], expected, rtol=1e-6)
+        assert layer[2, 2 + [*FUSED].index("without noise")] == expected[[*FUSED].index("without noise")]
+        layer[2, 2:-2] = 7.0
+        assert (layer == 7.0).all()
+    certain = FusedMap(np.zeros((1, 1), np.float32), np.zeros((1, 1), np.float32))
+    fuse(certain, np.ones((1, 1), np.float32), 1.0, 0.0)
+    assert (certain.heights, certain.variances) == (0.0, 0.0)

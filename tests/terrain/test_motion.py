@@ -1,10 +1,11 @@
-"""The motion of ground whose maps are noisy, or come at uneven times.
+"""The motion of ground whose maps are noisy, late, or come at uneven times.
 
 Velocities of noisy ground count as far as they stand out of the noise.
 """
 
 from collections.abc import Callable
 from functools import partial
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -14,9 +15,9 @@ from numpy.typing import NDArray
 
 from smartmesh_ros import HeightMap
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.motion import INTERVALS_KEPT, MotionConfig
+from smartmesh_ros.terrain.grid_track import moved_on
+from smartmesh_ros.terrain.motion import INTERVALS_KEPT, MotionConfig, MotionMode
 from tests.examples import examples
-from tests.terrain.motion_law import LATE_AFTER
 from tests.terrain.surfaces import told
 
 SIDE = 70  # more than a block
@@ -96,16 +97,11 @@ def rising(times: NDArray[np.float64], speed: float = 1.0, noise: float = 0.0) -
     return told([np.full((5, 5), speed * time) + rng.normal(0.0, noise, (5, 5)) for time in times], times)
 
 
-def bursts(spacing: float) -> FloatArray:
-    """Five maps one right after the other every five intervals."""
-    starts = 5.0 * INTERVAL * np.arange(1, 7)
-    return (starts[:, None] + spacing * np.arange(5)).ravel()
-
-
 @pytest.mark.parametrize("spacing", [0.001, 0.003, 0.006, 0.01])
 def test_a_burst_makes_no_velocity_of_noise(spacing: float) -> None:
     """What noise makes of maps that lie close together is divided by the time to the maps before them."""
-    heightmap = rising(bursts(spacing), speed=0.0, noise=0.01)
+    starts = 5.0 * INTERVAL * np.arange(1, 7)
+    heightmap = rising(np.add.outer(starts, spacing * np.arange(5)).ravel(), speed=0.0, noise=0.01)
     speeds = heightmap.sample(SAMPLES, heightmap.time).velocities
     assert np.abs(speeds).max() < 4.0 * 0.01 * np.sqrt(2.0) / (4.0 * INTERVAL)
 
@@ -129,5 +125,40 @@ def test_maps_are_missed_after_the_longest_gap_of_late() -> None:
     slow = 0.2 * np.arange(1, 10)
     fast = slow[-1] + 0.02 * np.arange(1, INTERVALS_KEPT + 1)
     heightmap = rising(np.concatenate([slow, fast]))
-    late = heightmap.time + (LATE_AFTER + 0.5) * 0.02
+    late = heightmap.time + 2.0 * 0.02
     assert (heightmap.sample(SAMPLES, late).velocities < 0.0).all()  # back to where it was seen last
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.02])
+@pytest.mark.parametrize("mode", get_args(MotionMode))
+def test_ground_whose_next_map_is_late_returns_to_its_last_one_at_half_the_speed(
+    mode: MotionMode, delay: float
+) -> None:
+    """And rests there. Before its last map it is no farther back than at the map before. A grid that slides and turns
+    does the same."""
+    heightmap = HeightMap(np.zeros((5, 5)), resolution=1.0, motion=MotionConfig(mode=mode))
+    heightmap.delay = delay
+    for k in range(1, 5):
+        heightmap.replace(np.full((5, 5), INTERVAL * k), time=INTERVAL * k)
+    heightmap.slide((0.3, -0.2), INTERVAL, spin=2.0)
+    due = INTERVAL + delay
+    behind, farthest = (due, due) if mode == "interpolate" else (0.0, INTERVAL)
+    turn = 1.5 * due - behind
+
+    def way(since: float) -> float:
+        return since if since <= turn else max(1.5 * turn - 0.5 * since, 0.0)
+
+    for age in np.linspace(-0.2, 0.5, 71):
+        gone = way(max(age - behind, -INTERVAL))
+        speed = 1.0 if age - behind <= turn else -0.5 * (gone > 0.0)
+        if mode == "hold":
+            gone, speed = 0.0, float(age <= turn)
+        time = heightmap.time + age
+        now, until_it_rests = (heightmap.sample(SAMPLES, time, ahead) for ahead in (1e-6, 10.0))
+        np.testing.assert_allclose(now.heights - heightmap.heights[0, 0], gone, atol=1e-6)
+        np.testing.assert_allclose(now.velocities, speed, atol=1e-4)
+        assert speed > 0.0 or 10.0 * until_it_rests.velocities == pytest.approx(-gone, abs=1e-5)
+        assert heightmap.moving(time) == (age < 4.5 * due)
+        placed, along = heightmap.placed_at(time), 0.0 if mode == "hold" else way(max(age - behind, -farthest))
+        there = moved_on(heightmap.geometry, heightmap.track.motion, along)
+        assert (*placed.origin[:2], placed.yaw) == pytest.approx(there, abs=1e-9)

@@ -14,6 +14,7 @@ from smartmesh_ros import Box, Deck, GridGeometry, HeightMap, HeightScan, InputE
 from smartmesh_ros.io.rasters import RasterConfig, from_grid_map, occupancy_heights
 from smartmesh_ros.terrain.surface_query import checked_points, checked_rays
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
+from tests.grounds import terrain_of
 
 NAN, INF = math.nan, math.inf
 # Vertices of a mesh of 6 x 8.
@@ -44,10 +45,23 @@ def mesh(vertices: Any = PLACES, triangles: Any = TRIANGLES, **more: Any) -> Tri
     return TriangleMesh(vertices, triangles, **more)
 
 
+def deck_move(*pose: Any, **given: Any) -> None:
+    deck = Deck(flat())
+    deck.move((0.0, 0.0, 0.0), time=1.0)
+    deck.move(*pose, **{"time": 2.0, **given})
+
+
+def layer(name: str) -> Callable[..., object]:
+    """A maker of a map whose material has this layer."""
+    return lambda given: flat(material=Material(**{name: given}))
+
+
 def occupancy(percent: int) -> object:
     return occupancy_heights(np.array([[percent]], np.int8), RasterConfig())
 
 
+FERRY = terrain_of(ferry=Deck(flat()))
+FERRY.put("", flat())
 # Makers with arguments that cannot be, the reason, and words of the refusal.
 REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
     (scan, "height_scan"): [
@@ -94,10 +108,27 @@ REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
     (flat, "type"): [
         ({"material": given}, "pass Material(friction=..., ...)") for given in ({"friction": 0.5}, np.ones((9, 12)))
     ],
+    (flat, "layer"): [({"friction": 0.3, "material": Material(friction=0.3)}, "given twice")],
+    (layer("friction"), "friction"): [((given,), "zero or more") for given in (-0.1, NAN, INF, -ONES, INF * ONES)],
+    (layer("friction"), "type"): [((np.full((9, 12), "ice"),), "real numbers")],
+    (layer("stiffness"), "stiffness"): [((0.0,), "above zero"), ((-ONES,), "above zero")],
+    (layer("damping"), "damping"): [((-1.0,), "zero or more"), ((INF,), "zero or more")],
+    (layer("restitution"), "restitution"): [((1.1,), "at most 1")],
+    (layer("rolling"), "rolling"): [((INF * ONES,), "zero or more")],
+    (layer("rolling"), "length"): [((np.ones((3, 3)),), "it must be")],
+    (layer("soil"), "soil"): [((np.full((9, 12), 255),), "0 to 254")],
     (Deck, "thickness"): [({"thickness": given}, "zero or more") for given in (-1.0, NAN, [0.1])],
+    (deck_move, "deck"): [
+        *((((0.0, 0.0, *more),), "three finite numbers") for more in ((), (NAN,))),
+        ({"position": (0.0, 0.0, 0.0), "velocity": (1.0, 0.0, 0.0)}, "give both the velocity and the spin"),
+    ],
+    (deck_move, "quaternion"): [(((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 2.0)), "must be a unit quaternion")],
+    (deck_move, "time"): [({"position": (0.0, 0.0, 0.0), "time": 0.5}, "too late")],
     (Terrain().put, "name"): [
         ((name, made), "must be a text") for name in (3, None) for made in (flat(), Deck(flat()))
     ],
+    (FERRY.put, "name"): [(("", Deck(flat())), "the name of a tile"), (("ferry", flat()), "the name of a deck")],
+    (FERRY.deck, "unknown_deck"): [(("sea",), "there is no deck 'sea'")],
     (partial(HeightScan().read, flat()), "length"): [
         ((poses, 0.0), "x, y, z and yaw of each") for poses in ([[0, 0, 0]], [["a", "b", "c", "d"]])
     ],
@@ -134,6 +165,11 @@ def map_update(how: str, *place: int, heights: Any = ONES, **given: Any) -> tupl
     return heightmap, lambda: getattr(heightmap, how)(*place, heights, **{"time": 1.0, **given})
 
 
+def map_layers(**layers: Any) -> tuple[HeightMap, Any]:
+    heightmap = flat(friction=0.3)
+    return heightmap, lambda: heightmap.give(Material(**layers))
+
+
 def map_shift(by: Any) -> tuple[HeightMap, Any]:
     heightmap = flat()
     return heightmap, lambda: heightmap.shift_time(by)
@@ -160,6 +196,7 @@ UPDATES = [
         ("update_region", (0, 0), (3,), "length"))),
     *((map_update, ("update_region", row, 0), {"heights": np.zeros((2, 2))}, "region")
         for row in (1.0, "1", None, np.uint8(255))),
+    (map_layers, (), {"friction": 0.5, "stiffness": 0.0}, "stiffness"),
     *((map_shift, (by,), {}, "time") for by in (NAN, INF, None, "later")),
     *((mesh_update, (vertices,), {} if indices is None else {"indices": indices}, reason)
         for vertices, indices, reason in (

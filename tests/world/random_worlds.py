@@ -13,25 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from smartmesh_ros import (
-    BodyState,
-    Box,
-    Capsule,
-    Cylinder,
-    Deck,
-    HeightMap,
-    Material,
-    MotionConfig,
-    Soil,
-    Sphere,
-    Terrain,
-    World,
-    WorldConfig,
-)
-from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros import BodyState, Carrier, Deck, Material, MotionConfig, PhysicsConfig, Terrain, World, WorldConfig
+from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Sphere
 from smartmesh_ros.scenes.tracks import robot_file
+from smartmesh_ros.soil.soil import Soil
+from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from smartmesh_ros.world.driving import Carrier
 from smartmesh_ros.world.joints import JointCommand
 from tests.urdfs import HUSKY, ROVER
 
@@ -133,11 +120,9 @@ class RandomWorld:
                 world.carry(deck, Carrier(carrier, position=(0.0, 0.0, 0.5)))
 
     def track_hand(self) -> None:
-        """Say where a tracked body is at first."""
         self.world.track("hand", 0.3, BodyState((1.5, 1.5, 0.4), linear=(-0.1, 0.0, 0.0)))
 
     def _feed(self, step: int) -> None:
-        """Give the inputs of a step."""
         world, time = self.world, self.world.time
         rng = np.random.default_rng((self.seed, step))
         if step % self.every == 0:
@@ -212,7 +197,6 @@ def digests_elsewhere(runs: dict[int, tuple[str, int]], more: int) -> dict[int, 
 
 
 def main(first: int, count: int) -> int:
-    """Compare ``count`` worlds, and return how many differ."""
     different = []
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(first, first + count):

@@ -62,9 +62,15 @@ def standing(name: str, **changes: object) -> Iterator[tuple[World, Base]]:
 
 
 def pose(world: World) -> np.ndarray:
-    """Place [m] and yaw [rad] of the root link."""
     state = world.base_state("robot")
     return np.array([*state.position[:2], yaw_of(state.orientation)])
+
+
+def mean_velocity(world: World, steps: int) -> np.ndarray:
+    """Step the world, and return the mean velocity along x and y [m/s]: a tracked machine rocks."""
+    start = pose(world)
+    world.step(steps)
+    return np.asarray((pose(world) - start)[:2] / (steps * world.dt))
 
 
 def turned(world: World, steps: int) -> float:
@@ -127,18 +133,17 @@ def test_wheels_behind_one_another_spin_by_the_law_of_friction_so_that_the_base_
 def test_it_stops_when_its_time_is_over_and_says_so(name: str) -> None:
     with standing(name) as (world, base):
         said = said_by(world)
-        base.drive(0.5, 0.0, lasts=0.5)
+        base.drive(0.5, 0.0, lasts=1.0)
         world.step(119)
-        assert world.base_state("robot").linear[0] == pytest.approx(0.5, abs=0.03)  # the tracked machine rocks
+        assert mean_velocity(world, 120) == pytest.approx([0.5, 0.0], abs=0.01)
         assert not said
-        world.step(240)
-        assert math.hypot(*world.base_state("robot").linear) < 0.03
+        world.step(120)
+        assert mean_velocity(world, 120) == pytest.approx([0.0, 0.0], abs=0.015)
         assert said == ["no command came for the base 'robot' in time: it stops"]
-        base.drive(0.5, 0.0, lasts=0.5)
         for _ in range(4):  # commands that come in time
-            world.step(100)
             base.drive(0.5, 0.0, lasts=0.5)
-        assert world.base_state("robot").linear[0] == pytest.approx(0.5, abs=0.03)
+            moved = mean_velocity(world, 100)
+        assert moved == pytest.approx([0.5, 0.0], abs=0.01)
 
 
 def test_it_keeps_to_its_limits() -> None:
@@ -213,19 +218,6 @@ def test_episodes_begin_without_commands_and_a_reset_leaves_them_their_time() ->
         world.reset()
         world.step(360)
         assert said == ["no command came for the base 'robot' in time: it stops"]
-
-
-def test_a_saved_world_drives_on_and_one_without_the_base_stops_in_time() -> None:
-    with standing("cart") as (world, base), World(world.terrain, world.config) as other:
-        base.drive(0.5, 0.2, lasts=1.0)
-        world.step(60)
-        snapshot = world.save()
-        other.restore(snapshot)
-        world.step(120)
-        other.step(120)
-        assert world.snapshot().bodies[0].state == other.snapshot().bodies[0].state
-        other.step(240)
-        assert math.hypot(*other.base_state("robot").linear) < 0.01
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,6 @@ SEEDS = (11, 67, 3)
 
 
 def episode(it: RandomWorld, seed: int, steps: int = 95) -> tuple[str, list[list[float]]]:
-    """Return what an episode is like, and what depends on chance in it."""
     it.world.reset(seed)
     it.track_hand()
     return it.run(0, steps), it.world.height_scan("body_0", SCAN).tolist()

@@ -41,15 +41,18 @@ def speeds_after(starts: list[list[Start]], late: int, physics: PhysicsConfig, a
 
 
 @pytest.mark.parametrize(("late", "ahead"), [(0, 0), (1, 0), (6, 0), (0, 5)])
-@pytest.mark.parametrize("impact", IMPACTS)
-def test_balls_of_two_worlds_part_as_those_of_one(impact: str, late: int, ahead: int) -> None:
-    """Also if a world hears of its peer's future, and the peer of its past, by some steps."""
-    (v, m), (w, n) = IMPACTS[impact]
-    one, other = ball(-1.0, v, m), ball(0.8, w, n)
-    together = speeds_after([[one, other]], 0, SMOOTH)
-    assert together[1] - together[0] > 0.8 * (v - w)  # they have bounced off each other
-    apart = speeds_after([[one], [other]], late, SMOOTH, ahead)
-    assert np.allclose(apart, together, atol=0.01 * (v - w))
+@pytest.mark.parametrize("impact", [*IMPACTS, "on a row of balls of four worlds"])
+def test_balls_of_several_worlds_part_as_those_of_one(impact: str, late: int, ahead: int) -> None:
+    """Also if a world hears of its peers' future, and they of its past, by some steps."""
+    if impact in IMPACTS:
+        (v, m), (w, n) = IMPACTS[impact]
+        balls, off = [ball(-1.0, v, m), ball(0.8, w, n)], 0.01
+    else:
+        balls, off = [ball(-1.5, 2.0), *(ball(0.401 * place, 0.0) for place in range(3))], 0.025
+    together = speeds_after([balls], 0, SMOOTH)
+    speed = balls[0].speed - balls[-1].speed
+    assert together[-1] - together[0] > 0.9 * speed  # they have bounced off each other
+    assert np.allclose(speeds_after([[one] for one in balls], late, SMOOTH, ahead), together, atol=off * speed)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -62,14 +65,6 @@ def test_worlds_that_step_at_different_instants_find_the_same_impact(impact: str
         after = [made.state(name).linear[0] for name in ("b0", "b1")]
     assert after[1] - after[0] > 0.8 * (v - w)
     assert abs(m * after[0] + n * after[1] - m * v - n * w) < 0.01 * min(m, n) * (v - w)
-
-
-@pytest.mark.parametrize("late", [0, 1, 6])
-def test_a_row_of_balls_over_four_worlds_passes_the_impact_on(late: int) -> None:
-    row = [ball(-1.5, 2.0), *(ball(0.401 * place, 0.0) for place in range(3))]
-    together = speeds_after([row], 0, SMOOTH)
-    assert together[3] > 1.8
-    assert np.allclose(speeds_after([[one] for one in row], late, SMOOTH), together, atol=0.05)
 
 
 @pytest.mark.parametrize("late", [0, 1])
@@ -157,13 +152,9 @@ def test_what_owners_say_of_impossible_bodies_is_refused_and_the_last_states_sta
         with pytest.raises(InputError, match="margin"):
             GuestConfig(margin=0.0)
         for field, value, reason in (
-            ("numbers", math.nan, "non_finite"),
-            ("numbers", 1e300, "quaternion"),
-            ("masses", math.nan, "geometry"),
-            ("radii", math.inf, "geometry"),
-            ("dimensions", 0.0, "geometry"),
-            ("kinds", 0, "shape"),
-        ):
+            ("numbers", math.nan, "non_finite"), ("numbers", 1e300, "quaternion"), ("masses", math.nan, "geometry"),
+            ("radii", math.inf, "geometry"), ("dimensions", 0.0, "geometry"), ("kinds", 0, "shape"),
+        ):  # fmt: skip
             bad = states._replace(**{field: np.full_like(getattr(states, field), value)})
             with pytest.raises(InputError) as refused:
                 world.guests.take("world 0", bad, world.time)

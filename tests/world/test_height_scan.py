@@ -32,7 +32,6 @@ def moving(motion: MotionConfig | None = None, yaw: float = 0.0) -> HeightMap:
 
 
 def sliding() -> Terrain:
-    """A map that moves and turns as a whole."""
     made = Terrain()
     for k in range(4):
         origin = (LOW + 0.03 * k, LOW - 0.02 * k)
@@ -75,16 +74,14 @@ def turned(x: float, y: float, z: float, yaw: float, tilt: float = 0.0) -> BodyS
 @pytest.mark.parametrize("order", ["xy", "yx"])
 def test_a_scan_is_the_ground_at_its_points(ground: str, order: str) -> None:
     """Of bodies anywhere, also at and beyond the edge of the ground."""
-    random = np.random.default_rng(3)
+    rng = np.random.default_rng(3)
     scan = HeightScan(size=(1.1, 0.7), spacing=0.09, offset=(0.2, -0.1, 0.0), order=order)
     with World(GROUNDS[ground]()) as world:
         world.time = 0.22
-        poses = np.column_stack(
-            [random.uniform(-4.5, 4.5, (60, 2)), random.uniform(0, 2, 60), random.uniform(-4, 4, 60)]
-        )
+        poses = np.column_stack([rng.uniform(-4.5, 4.5, (60, 2)), rng.uniform(0, 2, 60), rng.uniform(-4, 4, 60)])
         names = [f"body_{k}" for k in range(len(poses))]
         for name, pose in zip(names, poses.tolist(), strict=True):
-            world.spawn(name, Sphere(0.1), 1.0, turned(*pose, tilt=random.uniform(-0.6, 0.6)))
+            world.spawn(name, Sphere(0.1), 1.0, turned(*pose, tilt=rng.uniform(-0.6, 0.6)))
         found = world.height_scan(names, scan)
         cos, sin = np.cos(poses[:, 3:]), np.sin(poses[:, 3:])
         x, y = scan.points_b.T

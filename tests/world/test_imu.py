@@ -57,9 +57,7 @@ def test_in_free_fall_it_measures_nothing_and_off_the_centre_the_spin() -> None:
         urdfs.joint("mount", "fixed", "base", "imu", xyz="0.4 0 0"),
     )  # fmt: skip
     with World() as world:
-        world.spawn(
-            "box", Box(0.4, 0.3, 0.2), 1.0, BodyState((0.0, 0.0, 50.0), linear=(1.0, 0.0, 3.0), angular=(0, 0, 3))
-        )
+        world.spawn("box", Box(0.4, 0.3, 0.2), 1.0, BodyState((0.0, 0.0, 50.0), linear=(1, 0, 3), angular=(0, 0, 3)))
         world.spawn_robot("rod", rod, BodyState((5.0, 0.0, 50.0), angular=(0.0, 0.0, 5.0)))
         centre, base, tip = Imu(world, "box"), Imu(world, "rod"), Imu(world, "rod", "imu")
         world.step(240)
@@ -125,9 +123,7 @@ INTERPOLATE, SMOOTH = MotionConfig(mode="interpolate"), MotionConfig(smoothing=2
     ("motion", "maps", "share", "off"),
     [(INTERPOLATE, 20, 1.0, 0.06), (INTERPOLATE, 60, 1.0, 0.01), (SMOOTH, 60, 0.95, 0.1)],
 )
-def test_forces_on_heaving_ground_are_right_and_measured(
-    motion: MotionConfig, maps: int, share: float, off: float
-) -> None:
+def test_on_heaving_ground_its_forces_are_right(motion: MotionConfig, maps: int, share: float, off: float) -> None:
     """In a share of the steps off by no more than a share of the weight, on ground that is shown a map late if it is
     interpolated."""
     with World(level(motion=motion)) as world:

@@ -50,9 +50,7 @@ def moved(
 
 @pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic"])
 @pytest.mark.parametrize(
-    "command",
-    [JointCommand(position=2.0), JointCommand(position=-2.0, velocity=-9.0), JointCommand(velocity=30.0)],
-    ids=str,
+    "command", [JointCommand(position=2.0), JointCommand(position=-2.0, velocity=-9.0), JointCommand(velocity=30.0)]
 )
 def test_a_target_moves_a_joint_no_faster_than_its_urdf_allows(kind: str, command: JointCommand) -> None:
     found = moved(arm(limit(1.5), kind), command, 0.5)
@@ -158,16 +156,12 @@ def test_an_axis_of_any_length_is_a_direction(kind: str) -> None:
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("turned", [False, True])
-def test_any_link_has_moments_that_a_body_can_have(
-    moments: tuple[float, float, float], told: bool, turned: bool
-) -> None:
+def test_every_link_has_moments_of_a_real_body(moments: tuple[float, float, float], told: bool, turned: bool) -> None:
     """PyBullet replaces others by zero: a root is nowhere, a joint is locked. The largest moment stays."""
     turn, _ = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))
-    tensor = turn @ np.diag(moments) @ turn.T if turned else np.diag(moments)
-    numbers = zip(
-        ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), tensor[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)], strict=True
-    )
-    inertia = "<inertia " + " ".join(f'{key}="{value}"' for key, value in numbers) + "/>"
+    full = turn @ np.diag(moments) @ turn.T if turned else np.diag(moments)
+    terms = zip(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), full[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)], strict=True)
+    inertia = "<inertia " + " ".join(f'{key}="{value}"' for key, value in terms) + "/>"
     made = f'<link name="{{}}"><inertial><mass value="2"/>{inertia}</inertial>{{}}</link>'
     ball = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
     with weightless() as world:

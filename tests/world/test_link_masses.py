@@ -2,8 +2,7 @@
 
 import pytest
 
-from smartmesh_ros import BodyState, World
-from smartmesh_ros.world.joints import JointCommand
+from smartmesh_ros import BodyState, JointCommand, World
 from tests.grounds import said_by
 from tests.urdfs import joint, link, robot
 
@@ -13,15 +12,14 @@ LIMIT = '<limit effort="5" velocity="50"/>'
 
 
 def frame(name: str, on: str) -> str:
-    """A link without <inertial> that is fixed to another one."""
     return link(name, "", None) + joint(f"of {name}", "fixed", on, name, xyz="0 0 0")
 
 
-def spawned(world: World, links: str) -> list[str]:
-    """Spawns a robot on the ground; what the user is told."""
+def spawned(world: World, links: str, above: float | None = None) -> list[str]:
+    """Spawn a robot at a height [m], or on the ground; what the user is told."""
     said = said_by(world)
     world.note = world.say
-    world.spawn_robot("robot", robot(links), BodyState(), on_ground=True)
+    world.spawn_robot("robot", robot(links), BodyState((0.0, 0.0, above or 0.0)), on_ground=above is None)
     return said
 
 
@@ -75,40 +73,28 @@ def test_a_robot_without_any_inertial_has_the_mass_of_its_root(world: World) -> 
 
 
 @pytest.mark.parametrize("inertial", [0.0, None], ids=["mass 0", "no inertial"])
-def test_a_root_without_mass_is_one_body_with_what_is_fixed_to_it(
-    world: World, inertial: float | None, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_root_without_mass_is_one_body_with_what_is_fixed_to_it(world: World, inertial: float | None) -> None:
     """PAL's base_footprint: the robot falls, and its frames and names are those of the URDF."""
     box = '<box size="0.5 0.5 0.2"/>'
-    urdf = robot(
-        link("base_footprint", "", inertial), link("frame", "", 0.0), link("base_link", box, 30.0),
-        joint("f", "fixed", "base_footprint", "frame", xyz="0 0 0.04"),
-        joint("g", "fixed", "frame", "base_link", xyz="0 0 0.06"),
-    )  # fmt: skip
-    caplog.set_level("INFO")
-    world.spawn_robot("r", urdf, BodyState((0.0, 0.0, 0.3)))
-    assert world.bodies["r"].mass == pytest.approx(30.0)
-    assert list(world.bodies["r"].links.values()) == ["base_link"]
-    [line] = [line for line in caplog.messages if "base_footprint" in line]
-    assert "merged with link 'base_link'" in line
-    assert world.base_state("r").position[2] == pytest.approx(0.3, abs=1e-6)
-    speed = 9.81 * 24 / 240.0
+    links = link("base_footprint", "", inertial) + link("frame", "", 0.0) + link("base_link", box, 30.0)
+    links += joint("f", "fixed", "base_footprint", "frame", xyz="0 0 0.04")
+    [said] = spawned(world, links + joint("g", "fixed", "frame", "base_link", xyz="0 0 0.06"), 0.3)
+    assert "base_footprint" in said and "merged with link 'base_link'" in said
+    assert world.bodies["robot"].mass == pytest.approx(30.0)
+    assert list(world.bodies["robot"].links.values()) == ["base_link"]
+    assert world.base_state("robot").position[2] == pytest.approx(0.3, abs=1e-6)
     world.step(24)
-    assert world.state("r").linear[2] == pytest.approx(-speed, rel=1e-6), "free fall"
+    assert world.state("robot").linear[2] == pytest.approx(-9.81 * 24 / 240.0, rel=1e-6), "free fall"
     world.step(456)
-    assert world.base_state("r").position[2] == pytest.approx(0.0, abs=2e-3)
+    assert world.base_state("robot").position[2] == pytest.approx(0.0, abs=2e-3)
     assert sum(wrench.force[2] for wrench in world.wrenches()) == pytest.approx(30.0 * 9.81, rel=0.02)
 
 
 @pytest.mark.parametrize("name", ["world", "plinth"])
-def test_a_root_that_stands_for_the_world_stays(world: World, name: str, caplog: pytest.LogCaptureFixture) -> None:
-    urdf = robot(
-        link(name, "", None if name == "world" else 0.0), link("arm"),
-        joint("j", "fixed" if name == "world" else "continuous", name, "arm"),
-    )  # fmt: skip
-    caplog.set_level("INFO")
-    world.spawn_robot("r", urdf, BodyState((0.0, 0.0, 1.0)))
+def test_a_root_that_stands_for_the_world_stays(world: World, name: str) -> None:
+    root = link(name, "", None if name == "world" else 0.0)
+    arm = link("arm") + joint("j", "fixed" if name == "world" else "continuous", name, "arm")
+    [said] = spawned(world, root + arm, 1.0)
+    assert name in said and "not move" in said and ("mass" in said) == (name != "world")
     world.step(120)
-    assert world.base_state("r").position[2] == pytest.approx(1.0)
-    said = [line for line in caplog.messages if name in line and "not move" in line]
-    assert ["mass" in line for line in said] == [name != "world"]
+    assert world.base_state("robot").position[2] == pytest.approx(1.0)

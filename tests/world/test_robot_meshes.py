@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, InputError, World
+from smartmesh_ros.world.robots.hull_vertices import MOST_OUTSIDE, fewer_vertices
 from smartmesh_ros.world.robots.prepared import prepare_robot
 from tests.core import mesh_parts
 from tests.urdfs import joint, link, mesh, robot
@@ -116,9 +117,7 @@ UNREADABLE: dict[str, tuple[str, bytes]] = {
 
 
 @pytest.mark.parametrize("kind", UNREADABLE)
-def test_a_collision_mesh_that_cannot_be_read_refuses_the_robot_by_its_name(
-    world: World, tmp_path: Path, kind: str
-) -> None:
+def test_a_mesh_that_cannot_be_read_refuses_the_robot_by_its_name(world: World, tmp_path: Path, kind: str) -> None:
     name, content = UNREADABLE[kind]
     (tmp_path / name).write_bytes(content)
     with pytest.raises(InputError, match=rf"collision mesh .*{name}'"):
@@ -157,14 +156,23 @@ def test_the_content_of_a_mesh_counts_when_a_robot_is_prepared_not_its_name(worl
 def test_hulls_of_thousands_of_vertices_keep_their_extent(world: World, tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     points = rng.normal(size=(20_000, 3))
-    points *= 0.3 / np.linalg.norm(points, axis=1, keepdims=True)
+    points *= (0.3, 0.2, 0.1) / np.linalg.norm(points, axis=1, keepdims=True)
     (tmp_path / "ball.obj").write_bytes(obj_of(points))
     links = [link(f"l{k}", mesh(tmp_path / "ball.obj")) for k in range(4)]
     joints = [joint(f"j{k}", "fixed", "l0", f"l{k}", xyz=f"{k} 0 0") for k in range(1, 4)]
     world.spawn_robot("r", robot(*links, *joints), BodyState((-1.5, 0.0, 1.0)))
     vertices = np.array(world.client.getMeshData(world.bodies["r"].uid, -1)[1])
-    assert len(vertices) < 3000
+    assert len(vertices) < 3000 and len(fewer_vertices(points, 64)) < 2500
     directions = rng.normal(size=(500, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     missing = (points @ directions.T).max(axis=0) - (vertices @ directions.T).max(axis=0)
     assert missing.max() < 1e-3
+
+
+def test_few_vertices_of_a_disc_hold_the_others() -> None:
+    angles = np.linspace(0.0, 2.0 * np.pi, 1000, endpoint=False)
+    disc = np.column_stack([np.cos(angles), np.sin(angles), 0.0 * angles])
+    kept = fewer_vertices(disc, 8)
+    assert len(fewer_vertices(disc[:40], 64)) == 40
+    around = np.sort(np.arctan2(kept[:, 1], kept[:, 0]))
+    assert 1.0 - np.cos(0.5 * np.diff(around).max()) <= MOST_OUTSIDE

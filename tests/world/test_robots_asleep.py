@@ -10,11 +10,10 @@ import numpy as np
 import pybullet_data
 import pytest
 
-from smartmesh_ros import BodyState, HeightMap, World
+from smartmesh_ros import BodyState, HeightMap, JointCommand, World
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.world.joints import JointCommand
 from tests.grounds import world_of
-from tests.legged import ROBOTS, Robot
+from tests.legged import ROBOTS, set_up
 from tests.urdfs import HUSKY
 
 RATE, MINUTE = 240, 60 * 240
@@ -32,18 +31,15 @@ KNOWN = (
 
 
 def row_world(count: int, *, sleep: bool = True) -> World:
-    """Flat ground for some robots in a row along x."""
     heights = np.zeros((61, round(APART * count / 0.1) + 61))
     return world_of(HeightMap(heights, resolution=0.1, origin=(-APART, -3.0)), sleep=sleep)
 
 
-def stand(world: World, name: str, made: Robot, x: float) -> None:
+def stand(world: World, name: str, x: float) -> None:
     """Spawn a robot in its stance, 2 cm above the ground. Each joint is to hold an angle that differs from its own by
     0.02 rad, to and fro, so that friction holds the legs against each other, and their motors push."""
-    world.spawn_robot(name, made.urdf, BodyState((x, 0.0, made.height + 0.02)))
-    body = world.bodies[name]
-    for index, (joint, angle) in enumerate(made.stance.items()):
-        world.client.resetJointState(body.uid, body.joints[joint], angle)
+    set_up(world, name, x, 0.0, 0.02)
+    for index, (joint, angle) in enumerate(ROBOTS[name].stance.items()):
         world.command(name, joint, JointCommand(position=angle + (0.02 if index % 3 else -0.02)))
 
 
@@ -56,13 +52,11 @@ def poses(world: World, name: str) -> FloatArray:
 
 
 def lowest(world: World, name: str) -> float:
-    """Lowest point of a robot's shapes [m]."""
     body = world.bodies[name]
     return min(world.client.getAABB(body.uid, link)[0][2] for link in body.links)
 
 
 def sleep_all(world: World, seconds: int = 12) -> None:
-    """Step until every robot sleeps."""
     for _ in range(4 * seconds):
         world.step(RATE // 4)
         if all(map(world.is_asleep, world.bodies)):
@@ -93,7 +87,7 @@ def test_robots_stand_and_sleep_for_a_minute() -> None:
     with row_world(len(ROBOTS)) as world, row_world(len(ROBOTS), sleep=False) as awake:
         for index, name in enumerate(ROBOTS):
             for each in (world, awake):
-                stand(each, name, ROBOTS[name], APART * index)
+                stand(each, name, APART * index)
         sleep_all(world)
         awake.step(4 * RATE)  # a humanoid sways for some seconds
         for name in ROBOTS:
@@ -151,7 +145,7 @@ def test_robots_of_pybullets_data_sleep() -> None:
 def test_a_robot_without_a_shape_of_its_root_is_noticed_if_it_moves_asleep() -> None:
     """Its root is no attached link, and only one of its joints is turned."""
     with row_world(1) as world:
-        stand(world, "solo", ROBOTS["solo"], 0.0)
+        stand(world, "solo", 0.0)
         sleep_all(world)
         uid, joints = world.bodies["solo"].uid, world.bodies["solo"].joints
         world.client.resetJointState(uid, joints["front_left_knee"], -0.7)

@@ -13,17 +13,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, InputError, Soil, Sphere, World
-from smartmesh_ros.ground.config import PhysicsConfig
+from smartmesh_ros import BodyState, Ground, HeightMap, InputError, PhysicsConfig, Soil, World, WorldConfig
+from smartmesh_ros.ground.shapes import Box, Cylinder, Sphere
 from smartmesh_ros.terrain import state_file
-from smartmesh_ros.world.settings import WorldConfig
+from tests.bodies import LYING
 from tests.examples import examples
 from tests.grounds import level, terrain_of
 from tests.spoilt_states import HOWS, spoilt
 from tests.urdfs import ROVER
 from tests.world.random_worlds import digests_elsewhere, saved_run
 
-LYING = (0.5**0.5, 0.0, 0.0, 0.5**0.5)
 # Of `random_worlds`: soil and robots, tiles and a mesh, fused corrections, regions, a scrolling map.
 SEEDS, STEPS = (11, 6, 67, 9), 400
 
@@ -95,20 +94,15 @@ def replace_arrays(new: Callable[[np.ndarray], np.ndarray]) -> Callable[[dict[st
     return lambda _, arrays: arrays.update({name: new(array) for name, array in arrays.items()})
 
 
+NEWER = state_file.VERSION + 1
 WRONG: dict[str, tuple[Callable[[dict[str, Any], dict[str, np.ndarray]], object], str]] = {
-    "newer": (
-        lambda head, _: head.update(version=head["version"] + 1),
-        f"saved by a newer smartmesh_ros, in version {state_file.VERSION + 1}",
-    ),
+    "newer": (lambda head, _: head.update(version=NEWER), f"saved by a newer smartmesh_ros, in version {NEWER}"),
     "older": (lambda head, _: head.update(version=0), "saved by an older smartmesh_ros"),
     "of a ground": (lambda head, _: head.update(kind="Ground"), "saved state of a Ground, and a World cannot"),
     "another program's": (lambda head, _: head.update(format="elsewhere"), "no saved state"),
     "of an unknown type": (lambda head, _: head["tree"].update({"is": "Popen"}), "no saved state.*Popen"),
     "with less fields": (lambda head, _: head["tree"]["of"].popitem(), "no saved state.*argument"),
-    "with texts for numbers": (
-        lambda head, _: head["tree"]["of"]["snapshot"]["of"].update(time="now"),
-        "no saved state",
-    ),
+    "with words for time": (lambda head, _: head["tree"]["of"]["snapshot"]["of"].update(time="now"), "no saved state"),
     "without arrays": (lambda _, arrays: arrays.clear(), "no saved state"),
     "with pickles": (replace_arrays(lambda array: np.array([{}], object)), "no saved state.*allow_pickle"),
     "with short arrays": (replace_arrays(lambda array: array[:-1]), "must be"),

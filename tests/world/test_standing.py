@@ -10,11 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from smartmesh_ros import BodyState, Box, Capsule, Cylinder, HeightMap, InputError, Sphere, Terrain, World
+from smartmesh_ros import BodyState, Box, Capsule, Cylinder, HeightMap, InputError, JointCommand, Sphere, Terrain, World
 from smartmesh_ros.ground.shapes import Shape
-from smartmesh_ros.world.joints import JointCommand
 from tests import urdfs
-from tests.bodies import about_z, reach, rotation, surface_of
+from tests.bodies import about_z, random_turn, reach, rotation, surface_of
 from tests.grounds import shaped
 
 DATA = Path(pybullet_data.getDataPath())
@@ -42,33 +41,31 @@ def slope() -> HeightMap:
 
 @settings(max_examples=25, deadline=None)
 @given(
-    kind=st.sampled_from(sorted(SHAPES)), x=st.floats(-6.0, 6.0), y=st.floats(-6.0, 6.0),
+    shape=st.sampled_from([*SHAPES.values()]), x=st.floats(-6.0, 6.0), y=st.floats(-6.0, 6.0),
     turn=st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda q: math.hypot(*q) > 0.1),
     clearance=st.sampled_from([0.0, 0.05]),
 )  # fmt: skip
 def test_the_lowest_point_has_the_clearance(
-    kind: str, x: float, y: float, turn: tuple[float, float, float, float], clearance: float
+    shape: Shape, x: float, y: float, turn: tuple[float, float, float, float], clearance: float
 ) -> None:
     a, b, c, d = (value / math.hypot(*turn) for value in turn)
     with World(hills()) as world:
-        world.spawn(
-            "body", SHAPES[kind], 1.0, BodyState((x, y, 55.0), (a, b, c, d)), on_ground=True, clearance=clearance
-        )
+        world.spawn("body", shape, 1.0, BodyState((x, y, 55.0), (a, b, c, d)), on_ground=True, clearance=clearance)
         state = world.state("body")
-        points = surface_of(SHAPES[kind]) @ rotation(np.array(state.orientation)).T + state.position
+        points = surface_of(shape) @ rotation(np.array(state.orientation)).T + state.position
         gaps = points[:, 2] - world.ground_at(points[:, :2]).z
     assert state.position[:2] == pytest.approx((x, y), abs=1e-9)
     assert clearance - FOUND <= gaps.min() <= clearance + 3e-3  # the points are up to 3 cm apart
 
 
-@pytest.mark.parametrize("kind", SHAPES)
-def test_on_a_slope_a_body_touches_it_however_it_is_turned(kind: str) -> None:
+@pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
+def test_on_a_slope_a_body_touches_it_however_it_is_turned(shape: Shape) -> None:
     with World(slope()) as world:
-        for number, turn in enumerate(np.random.default_rng(3).normal(size=(8, 4))):
-            a, b, c, d = (turn / np.linalg.norm(turn)).tolist()
-            world.spawn(f"{number}", SHAPES[kind], 1.0, BodyState(orientation=(a, b, c, d)), on_ground=True)
-            state = world.state(f"{number}")
-            distance = reach(SHAPES[kind], UP @ rotation(np.array(state.orientation)))
+        rng = np.random.default_rng(3)
+        for name in "abcdefgh":
+            world.spawn(name, shape, 1.0, BodyState(orientation=random_turn(rng)), on_ground=True)
+            state = world.state(name)
+            distance = reach(shape, UP @ rotation(np.array(state.orientation)))
             assert state.position @ UP == pytest.approx(distance, abs=FOUND)
 
 

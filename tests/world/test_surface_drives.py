@@ -1,7 +1,6 @@
 """Driven surfaces of links and bodies: commands, sleep, snapshots, settings, and what is refused."""
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +8,10 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros import BodyState, Box, Ground, InputError, Sphere, World
+from smartmesh_ros import BodyState, Box, Ground, InputError, JointCommand, Sphere
 from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.ground.followers import Belt
 from smartmesh_ros.ground.shapes import Shape
-from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.robots.prepared import prepare_robot
 from tests import urdfs
 from tests.bodies import about_y, put, run
@@ -48,43 +46,36 @@ def test_a_command_beyond_the_limit_drives_at_the_limit_about_the_axis_of_the_fr
         drive(world, 9.0, 9.0)
         world.step(600)
         assert speed(world) == pytest.approx(1.5, rel=0.01)
-        assert [(s.name, s.speed, s.limit) for s in world.surfaces(NAME)] == [
-            ("left_track", 1.5, 1.5),
-            ("right_track", 1.5, 1.5),
-        ]
+        told = [(found.name, found.speed, found.limit) for found in world.surfaces(NAME)]
+        assert told == [("left_track", 1.5, 1.5), ("right_track", 1.5, 1.5)]
 
 
-@pytest.fixture
-def driven() -> Iterator[World]:
+def test_what_has_no_surface_on_the_ground_is_refused() -> None:
     with standing(slope()) as world:
         drive(world, 0.3, 0.5)
         world.step(60)
-        yield world
-
-
-def test_what_has_no_surface_on_the_ground_is_refused(driven: World) -> None:
-    driven.track("hand", 0.2, BodyState((5.0, 0.0, 0.2)))
-    for name, link, speed_, axis, words in (
-        ("nobody", "", 1.0, (0.0, 1.0, 0.0), "no body"),
-        ("hand", "", 1.0, (0.0, 1.0, 0.0), "not simulated"),
-        (NAME, "wheel", 1.0, (0.0, 1.0, 0.0), "'left_track_link'"),
-        (NAME, "left_track_link", 1e9, (0.0, 1.0, 0.0), "finite"),
-        (NAME, "left_track_link", 1.0, (0.0, math.inf, 0.0), "zero"),
-    ):
-        with pytest.raises(InputError, match=words):
-            driven.drive_surface(name, link, speed_, axis)
-    for fields in ({"position": 1.0}, {"effort": 1.0}, {"velocity": 1.0, "effort": 1.0}, {}):
-        with pytest.raises(InputError, match="velocity alone"):
-            driven.command(NAME, "left_track", JointCommand(**fields))
-    driven.reset_bodies()
-    driven.step(240)
-    assert [s.speed for s in driven.surfaces(NAME)] == [0.3, 0.5], "commands stay after a reset"
-    assert math.hypot(*driven.state(NAME).linear) == pytest.approx(0.4, rel=0.02)
-    with pytest.raises(InputError, match="left_track, right_track"):
-        driven.drive(NAME, "middle_track", 1.0)
-    driven.spawn("ball", Sphere(0.2), 1.0, BodyState((6.0, 0.0, 0.2)))
-    with pytest.raises(InputError, match="attach"):
-        driven.ground.drive(driven.bodies["ball"].uid, 3, (0.0, 1.0, 0.0), 1.0)
+        world.track("hand", 0.2, BodyState((5.0, 0.0, 0.2)))
+        for name, link, speed_, axis, words in (
+            ("nobody", "", 1.0, (0.0, 1.0, 0.0), "no body"),
+            ("hand", "", 1.0, (0.0, 1.0, 0.0), "not simulated"),
+            (NAME, "wheel", 1.0, (0.0, 1.0, 0.0), "'left_track_link'"),
+            (NAME, "left_track_link", 1e9, (0.0, 1.0, 0.0), "finite"),
+            (NAME, "left_track_link", 1.0, (0.0, math.inf, 0.0), "zero"),
+        ):
+            with pytest.raises(InputError, match=words):
+                world.drive_surface(name, link, speed_, axis)
+        for fields in ({"position": 1.0}, {"effort": 1.0}, {"velocity": 1.0, "effort": 1.0}, {}):
+            with pytest.raises(InputError, match="velocity alone"):
+                world.command(NAME, "left_track", JointCommand(**fields))
+        world.reset_bodies()
+        world.step(240)
+        assert [s.speed for s in world.surfaces(NAME)] == [0.3, 0.5], "commands stay after a reset"
+        assert math.hypot(*world.state(NAME).linear) == pytest.approx(0.4, rel=0.02)
+        with pytest.raises(InputError, match="left_track, right_track"):
+            world.drive(NAME, "middle_track", 1.0)
+        world.spawn("ball", Sphere(0.2), 1.0, BodyState((6.0, 0.0, 0.2)))
+        with pytest.raises(InputError, match="attach"):
+            world.ground.drive(world.bodies["ball"].uid, 3, (0.0, 1.0, 0.0), 1.0)
 
 
 DRIVE = '<surface_drive name="left_track" link="left_track_link"><axis xyz="0 1 0"/><limit velocity="1.5"/>'
@@ -125,7 +116,6 @@ def ground(client: Any) -> Ground:
 
 
 def speed_after(ground: Ground, client: Any, steps: int) -> float:
-    """Go on, and return the velocity of the box along x [m/s]."""
     run(ground, steps)
     return float(client.getBaseVelocity(0)[0][0])
 
@@ -166,9 +156,7 @@ def test_in_a_pybullet_world_of_ones_own(ground: Ground, client: Any) -> None:
 
 
 @pytest.mark.parametrize("by_pybullet", [False, True])
-def test_a_command_wakes_what_sleeps_and_what_creeps_does_not_sleep(
-    ground: Ground, client: Any, by_pybullet: bool
-) -> None:
+def test_commands_wake_what_sleeps_and_what_creeps_stays_awake(ground: Ground, client: Any, by_pybullet: bool) -> None:
     if by_pybullet:
         client.changeDynamics(0, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
     else:

@@ -11,21 +11,18 @@ from smartmesh_ros.ground.shapes import Hull, Solid
 from smartmesh_ros.world.contacts import GroundContact
 from smartmesh_ros.world.tracked_robot import TrackedRobot
 from tests import urdfs
+from tests.bodies import about_y
 from tests.grounds import level, world_of
 
 RAMP = Hull(
     ((-0.4, -0.3, -0.2), (0.4, -0.3, -0.2), (0.4, 0.3, -0.2), (-0.4, 0.3, -0.2), (0.4, -0.3, 0.2), (0.4, 0.3, 0.2))
 )
 DECK = Hull(tuple((x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-0.2, 0.2)))
-SHAPES: list[Solid] = [
-    Sphere(0.3),
-    Box(0.8, 0.6, 0.4),
-    Cylinder(height=0.4, radius=0.3),
-    Capsule(height=0.4, radius=0.2),
-    RAMP,
-]
-NAMES = [type(shape).__name__ for shape in SHAPES]
-SIDE = (0.0, math.sin(math.pi / 4), 0.0, math.cos(math.pi / 4))  # their z axis along x
+SHAPES: dict[Solid, float] = {  # and how far below their middles they reach [m]
+    Sphere(0.3): 0.3, Box(0.8, 0.6, 0.4): 0.2, Cylinder(height=0.4, radius=0.3): 0.2,
+    Capsule(height=0.4, radius=0.2): 0.4, RAMP: 0.2,
+}  # fmt: skip
+SIDE = about_y(0.5 * math.pi)  # their z axis along x
 
 
 @pytest.mark.parametrize(
@@ -72,7 +69,7 @@ def test_it_carries_what_stands_on_it_as_it_moves_rises_and_turns(shape: Solid) 
 
 
 @pytest.mark.parametrize("tilt", [None, 0.3], ids=["at rest", "on a deck"])
-@pytest.mark.parametrize("shape", SHAPES, ids=NAMES)
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: type(shape).__name__)
 def test_its_contact_with_the_ground_is_that_of_its_lowest_point(shape: Solid, tilt: float | None) -> None:
     at, turn = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
     ground: HeightMap | Terrain = level(101)
@@ -80,7 +77,6 @@ def test_its_contact_with_the_ground_is_that_of_its_lowest_point(shape: Solid, t
         at, turn, ground = (1.0, 2.0, 3.0), (math.sin(0.5 * tilt), 0.0, 0.0, math.cos(0.5 * tilt)), Terrain()
         ground.put("ferry", Deck(level(101), thickness=0.5, position=at, orientation=turn))
     with World(ground) as world:
-        lowest = {"Sphere": 0.3, "Box": 0.2, "Cylinder": 0.2, "Capsule": 0.4, "Hull": 0.2}[type(shape).__name__]
 
         def contacts(height: float) -> list[GroundContact]:
             """With the middle of the body so far above the ground."""
@@ -91,13 +87,13 @@ def test_its_contact_with_the_ground_is_that_of_its_lowest_point(shape: Solid, t
 
         # Touching, and of a ball deep, and with its centre below the ground.
         for depth in (0.02, 0.25, 0.35) if isinstance(shape, Sphere) else (0.02,):
-            [contact] = contacts(lowest - depth)
+            [contact] = contacts(SHAPES[shape] - depth)
             assert contact.depth == pytest.approx(depth, abs=2e-3)
             assert contact.normal == pytest.approx(rotate(turn, (0.0, 0.0, 1.0)), abs=1e-6)
             _, _, above = rotate(conjugate(turn), np.subtract(contact.position, at).tolist())
             assert above == pytest.approx(0.0, abs=2e-3)
             assert math.isnan(contact.normal_force)
-        assert not contacts(lowest + 0.05)
+        assert not contacts(SHAPES[shape] + 0.05)
         if tilt is not None:
             assert not contacts(-2.0), "it is below the deck"
 

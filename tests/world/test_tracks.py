@@ -14,17 +14,13 @@ from tests.tracked import FLAT_TRACKS, NAME, UNDERCARRIAGE, drive, slope, standi
 
 
 def test_on_ground_that_moves_back_as_fast_it_stays_in_place() -> None:
-    with standing(slope()) as world:
+    ground = slope()
+    ground.slide((-0.5, 0.0), 100.0)
+    with standing(ground) as world:
         drive(world, 0.5, 0.5)
-        start = world.time
-        for step in range(720):
-            if step % 4 == 0:
-                origin = (-10.0 - 0.5 * (world.time - start), -10.0)
-                new = HeightMap(np.zeros((201, 201)), resolution=0.1, origin=origin, time=world.time)
-                world.terrain.put("", new)
-            world.step()
-            if step == 240:
-                before = world.state(NAME).position[0]
+        world.step(240)
+        before = world.state(NAME).position[0]
+        world.step(480)
         assert world.state(NAME).position[0] == pytest.approx(before, abs=0.02)
 
 
@@ -62,11 +58,8 @@ def composite() -> tuple[np.ndarray, np.ndarray]:
     """Inertia of the machine of boxes about its centre of mass [kg m^2], and its contacts (8, 3) from there [m]."""
     centre = np.array([0.0, 0.0, -0.04])
     inertia = np.zeros((3, 3))
-    for mass, moments, at in (
-        (60.0, (3.0, 5.0, 7.0), (0.0, 0.0, 0.0)),
-        (20.0, (0.2, 1.2, 1.2), (0.0, 0.4, -0.1)),
-        (20.0, (0.2, 1.2, 1.2), (0.0, -0.4, -0.1)),
-    ):
+    sides = [(20.0, (0.2, 1.2, 1.2), (0.0, y, -0.1)) for y in (0.4, -0.4)]
+    for mass, moments, at in ((60.0, (3.0, 5.0, 7.0), (0.0, 0.0, 0.0)), *sides):
         lever = np.array(at) - centre
         inertia += np.diag(moments) + mass * (lever @ lever * np.eye(3) - np.outer(lever, lever))
     corners = [(x, y, -0.25) for y in (-0.5, -0.3, 0.3, 0.5) for x in (-0.6, 0.6)]

@@ -9,19 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from smartmesh_ros import (
-    Base,
-    BodyState,
-    Box,
-    HeightScanner,
-    Imu,
-    InputError,
-    PhysicsConfig,
-    Sphere,
-    World,
-    WorldConfig,
-)
-from smartmesh_ros.ground.shapes import Hull, Shape
+from smartmesh_ros import Base, BodyState, HeightScanner, Imu, InputError, PhysicsConfig, World, WorldConfig
+from smartmesh_ros.ground.shapes import Box, Hull, Shape, Sphere
 from smartmesh_ros.node.inputs.tracking import Tracking
 from tests import urdfs
 from tests.bodies import about_y, reach, rotation

@@ -20,7 +20,6 @@ from smartmesh_ros.terrain.scrolling import carry_material
 from smartmesh_ros.terrain.surface_query import RayCaster, checked_rays
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-from smartmesh_ros.tools.client.drawn_ground import drawn_ground
 from smartmesh_ros.tools.client.sight import Pose
 
 # The node's topics of terrain: their types, and what reads their messages.
@@ -53,12 +52,11 @@ class Ground:
     def shown(self) -> Mapping[str, MainMesh]:
         return self.tiles or self._drawn
 
-    def draw(self, scene: bytes) -> None:
-        """Take the ground of a message of ``~/scene``, if it has any."""
-        with suppress(InputError):
-            if (corners := drawn_ground(scene)) is not None:
-                triangles = np.arange(len(corners)).reshape(-1, 3)
-                self._drawn = {"": TriangleMesh(corners, triangles, motion=STILL)}
+    def draw(self, corners: FloatArray) -> None:
+        """Take the ground that the node draws, by the corners (n, 3) [m] of its triangles."""
+        if not self.tiles:
+            triangles = np.arange(len(corners)).reshape(-1, 3)
+            self._drawn = {"": TriangleMesh(corners, triangles, motion=STILL)}
 
     def take(self, topic: str, data: bytes) -> None:
         """Queue a message of a topic of `MAPS`. A height map replaces what waits for its tile."""

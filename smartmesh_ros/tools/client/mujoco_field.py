@@ -62,9 +62,13 @@ def write_field(model: Any, data: Any, field: int | str, patch: Patch) -> None:
         )
     first, last = patch.vertices_w[0], patch.vertices_w[-1]
     across, down = patch.vertices_w[1] - first, patch.vertices_w[columns] - first
-    middle = 0.5 * (first + last)
-    if abs(across[:2] @ down[:2]) <= SKEWED * math.hypot(*across[:2]) * math.hypot(*down[:2]):
-        across[2] = down[2] = middle[2] = 0.0
+    middle, known = 0.5 * (first + last), patch.vertices_w[~np.isnan(patch.vertices_w[:, 2])]
+    slope, middle[2] = np.zeros(2), 0.0
+    if abs(across[:2] @ down[:2]) > SKEWED * math.hypot(*across[:2]) * math.hypot(*down[:2]):
+        # The plane of the deck; corners of the patch may be holes.
+        equations = np.column_stack([known[:, :2] - middle[:2], np.ones(len(known))])
+        *slope, middle[2] = np.linalg.lstsq(equations, known[:, 2])[0]
+    across[2], down[2] = across[:2] @ slope, down[:2] @ slope
     wide_cell, high_cell = float(np.linalg.norm(across)), float(np.linalg.norm(down))
     x, y = across / wide_cell, down / high_cell
     up = np.cross(x, y)
@@ -77,7 +81,7 @@ def write_field(model: Any, data: Any, field: int | str, patch: Patch) -> None:
             "at least as large, because MuJoCo finds no contacts beyond",
         )
     heights = ((patch.vertices_w - middle) @ up).reshape(rows, columns)
-    if np.isnan(heights).all():
+    if not len(known):
         data.mocap_pos[found.mocap, 2] = FAR_BELOW
         return
     shares, base = _shares(heights, found, patch.name)

@@ -3,7 +3,6 @@ without a Python object for each vertex."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -50,7 +49,13 @@ class Patch:
     @cached_property
     def shape(self) -> tuple[int, int] | None:
         """Rows and columns of the vertices; None on a general mesh, whose vertices form no grid."""
-        return _grid_shape(self.vertices_w[:, :2])
+        count = len(self.vertices_w)
+        if self.kind != "heightfield" or count < 4:
+            return None
+        steps = np.diff(self.vertices_w[:, :2], axis=0)
+        turns = np.abs(steps - steps[0]).max(axis=1) > 0.5 * np.abs(steps[0]).max()
+        columns = int(turns.argmax()) + 1
+        return (count // columns, columns) if columns > 1 and count % columns == 0 else None
 
     @cached_property
     def centre(self) -> int:
@@ -81,24 +86,6 @@ def _cross(angular: NDArray[np.float64], away: NDArray[np.float64]) -> NDArray[n
     x, y, z = angular.tolist()
     turn = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
     return np.asarray(away @ turn)
-
-
-def _grid_shape(xy: NDArray[np.float64]) -> tuple[int, int] | None:
-    """Return rows and columns of points (K, 2) on a regular grid in row order; None for other points."""
-    count = len(xy)
-    if count < 4:
-        return None
-    steps = np.diff(xy, axis=0)
-    length = math.hypot(*steps[0])
-    breaks = np.flatnonzero(np.abs(steps - steps[0]).max(axis=1) > 1e-6 * max(length, 1e-9) + 1e-9)
-    columns = int(breaks[0]) + 1 if breaks.size else count
-    if columns < 2 or columns == count or count % columns:
-        return None
-    grid = xy.reshape(-1, columns, 2)
-    across, down = grid[0, 1] - grid[0, 0], grid[1, 0] - grid[0, 0]
-    r, c = np.mgrid[: count // columns, :columns]
-    expected = grid[0, 0] + c[..., None] * across + r[..., None] * down
-    return (count // columns, columns) if np.abs(expected - grid).max() < 1e-3 * length else None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,10 +26,10 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 from smartmesh_ros.node.transport import publishers_on
+from smartmesh_ros.tools.client.drawn_scene import drawn_scene
 from smartmesh_ros.tools.client.ground import MAPS, Ground
-from smartmesh_ros.tools.client.patch import read_patches
+from smartmesh_ros.tools.client.patch import PatchesMessage, read_patches
 from smartmesh_ros.tools.client.sight import KINDS, Sight
 
 # Types of the shown outputs. Outputs without subscribers are not built by the node.
@@ -41,9 +41,9 @@ SERVICES = {
 }  # fmt: skip
 # Name and type of the topic by which nodes are found.
 STATES, STATES_TYPE = "body_states", "smartmesh_msgs/msg/TrackedBodyArray"
-# Topics of which only the newest message is shown, and the depth of the others' queues: every region counts, and at
-# 60 Hz 200 last for 3 s.
-NEWEST, DEPTH = {"heightmap", *KINDS} - {"odometry"}, 200
+# Topics of which only the newest message is shown, and the depth of the others' queues: every region and tile counts,
+# and at 60 Hz 200 last for 3 s.
+NEWEST, DEPTH = KINDS.keys() - {"odometry"}, 200
 BEST: dict[str, Any] = {
     "durability": DurabilityPolicy.BEST_AVAILABLE, "reliability": ReliabilityPolicy.BEST_AVAILABLE
 }  # fmt: skip
@@ -122,7 +122,7 @@ class Remote:
 
     def watch(self, topics: set[str]) -> None:
         """Subscribe to these of `OUTPUTS` and to no others, because the node builds only outputs with subscribers; to
-        ``scene`` while no map has come."""
+        ``scene`` while no map has come, or poses of tracked bodies come on no other topic."""
         if topics != self._watched:
             self._watched, self._check_due = topics, 0.0
 
@@ -158,15 +158,24 @@ class Remote:
         """Apply all received messages to ``ground`` and ``sight``. Malformed ones are skipped, because the node reports
         them."""
         self.ground.apply_waiting()
-        for data in self._new.pop("scene", ()):
-            self.ground.draw(data)
         for topic in KINDS:
             for data in self._new.pop(topic, ()):
                 with suppress(InputError):
                     self.sight.take(topic, data)
-        for data in self._new.pop("collider_patches", ()):
+        for data in self._new.pop("scene", ()):
             with suppress(InputError):
-                self.sight.patches = read_patches(data).onto(self.sight.patches)
+                corners, tracked = drawn_scene(data)
+                self.sight.take_tracked(tracked)
+                if corners is not None:
+                    self.ground.draw(corners)
+        changes: list[PatchesMessage] = []
+        for data in reversed(self._new.pop("collider_patches", ())):
+            with suppress(InputError):
+                changes.append(read_patches(data))
+                if not changes[-1].incremental:
+                    break
+        for message in reversed(changes):
+            self.sight.patches = message.onto(self.sight.patches)
         for data in self._new.pop("timing", ()):
             self.timings.append((monotonic(), deserialize_message(data, Timing)))
 
@@ -190,7 +199,8 @@ class Remote:
         now = monotonic()
         self._check_due = now + CHECK_PERIOD
         wanted = MAPS.keys() - ({"heightmap"} if now < self._no_maps_until else set())
-        wanted |= self._watched - ({"scene"} if self.ground.tiles else set())
+        needs_scene = not self.ground.tiles or self.sight.has_unheard
+        wanted |= self._watched - (set() if needs_scene else {"scene"})
         counts = {topic: self.node.count_publishers(f"{self.name}/{topic}") for topic in wanted}
         for topic, (subscription, count) in list(self._subscriptions.items()):
             if counts.get(topic) != count:
@@ -207,8 +217,6 @@ class Remote:
     def _take(self, topic: str, data: bytes) -> None:
         self.counts[topic] += 1
         if topic not in MAPS:
-            if topic == "collider_patches" and not _is_incremental(data):
-                self._new.pop(topic, None)
             self._new.setdefault(topic, deque(maxlen=1 if topic in NEWEST else DEPTH)).append(data)
             return
         self.ground.take(topic, data)
@@ -239,12 +247,3 @@ class Remote:
         if event.node == self.name:
             for parameter in (*event.new_parameters, *event.changed_parameters):
                 self.changed_parameters[parameter.name] = parameter_value_to_python(parameter.value)
-
-
-def _is_incremental(patches: bytes) -> bool:
-    """Return True if the bytes of a ColliderPatchArray contain only changed patches."""
-    with suppress(InputError):
-        reader = CdrReader(patches)
-        reader.number("i"), reader.number("I"), reader.text()
-        return bool(reader.number("B"))
-    return True  # malformed

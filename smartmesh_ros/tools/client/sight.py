@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -13,14 +14,16 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, ContactArray, TrackedBody, TrackedBodyArray
 
+from smartmesh_ros.ground.limits import require_possible
 from smartmesh_ros.ground.quaternions import rotated
+from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs.checked_messages import message_from
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.client.patch import Patch
 
 Vector = tuple[float, float, float]
-# Radii of bodies of unknown shape, and of robots [m].
-DEFAULT_RADIUS, ROBOT_RADIUS = 0.25, 0.5
+# Radius of bodies of unknown shape [m].
+DEFAULT_RADIUS = 0.25
 # Distance beside a body at which a click still hits it [m]. Higher values make small bodies easier to hit.
 CLICK_MARGIN = 0.05
 # Types of the node's topics that `Sight.take` reads. ~/odometry has a message for each robot.
@@ -41,20 +44,32 @@ class Pose(NamedTuple):
     position: Vector
     wxyz: tuple[float, float, float, float]
 
+    def inside(self, points_w: FloatArray) -> FloatArray:
+        """Return points (n, 3) [m] in the frame that has this pose."""
+        w, x, y, z = self.wxyz
+        return rotated(np.array([-x, -y, -z, w]), points_w - self.position)
+
+
+# Poses of the middles of tracked bodies on ~/scene by kind and dimensions [m] as of BodyDescription, a capsule as its
+# cylinder: balls before boxes before cylinders before capsules, and each kind in the order of ~/body_descriptions.
+TrackedMarkers = dict[tuple[int, tuple[float, ...]], list[Pose]]
+
 
 @dataclass
 class Sight:
     """The newest state of everything but the terrain, in the terrain's ``frame``. ``poses``, ``appearances`` and
-    ``patches`` by body; ``centres``: middle of a body that is a box, in its axes [m]; ``asleep``: simulated bodies
-    without any velocity; ``bases``: poses of robots' base links and of decks, by frame as in ~/odometry; ``joints``:
-    positions [rad, m] by name as in ~/joint_states; ``contacts`` (n, 7): position [m], normal and force [N] of
-    each."""
+    ``patches`` by body; ``boxes``: middle, in the body's axes, and edges [m] of bodies that are boxes, and of the boxes
+    around the links of robots; ``asleep``: simulated bodies without any velocity; ``heard``: bodies whose poses are on
+    ~/tracked_bodies or ~/body_poses; ``bases``: poses of robots' base links and of decks, by frame as in ~/odometry;
+    ``joints``: positions [rad, m] by name as in ~/joint_states; ``contacts`` (n, 7): position [m], normal and force [N]
+    of each."""
 
     frame: str = ""
     poses: dict[str, Pose] = field(default_factory=dict)
-    centres: dict[str, Vector] = field(default_factory=dict)
+    boxes: dict[str, tuple[Vector, Vector]] = field(default_factory=dict)
     appearances: dict[str, BodyDescription] = field(default_factory=dict)
     asleep: frozenset[str] = frozenset()
+    heard: set[str] = field(default_factory=set)
     bases: dict[str, Pose] = field(default_factory=dict)
     joints: dict[str, float] = field(default_factory=dict)
     patches: dict[str, Patch] = field(default_factory=dict)
@@ -68,26 +83,39 @@ class Sight:
 
     @property
     def robots(self) -> dict[str, BodyDescription]:
-        """Appearances of the bodies that have a URDF."""
-        return {name: known for name, known in self.appearances.items() if known.urdf}
+        """Appearances of the robots."""
+        return {name: known for name, known in self.appearances.items() if known.shape == BodyDescription.ROBOT}
+
+    @property
+    def has_unheard(self) -> bool:
+        """True if the poses of tracked bodies are on other topics, or in other frames."""
+        return any(body.tracked and name not in self.heard for name, body in self.appearances.items())
+
+    def shape_of(self, name: str) -> tuple[int, tuple[float, ...]]:
+        """Return a body's kind of shape and dimensions [m] as of BodyDescription, for a robot of the box around its
+        links."""
+        known = self.appearances.get(name)
+        if known is not None and known.dimensions:
+            return known.shape, tuple(known.dimensions)
+        if known is not None and name in self.boxes:
+            return BodyDescription.BOX, self.boxes[name][1]
+        return BodyDescription.SPHERE, (DEFAULT_RADIUS,)
 
     def radius_of(self, name: str) -> float:
         """Return the radius [m] of a body's bounding sphere around its centre."""
-        known = self.appearances.get(name)
-        if known is None or not known.dimensions:
-            return DEFAULT_RADIUS if known is None else ROBOT_RADIUS
-        sizes = known.dimensions
-        if known.shape == BodyDescription.BOX:
+        kind, sizes = self.shape_of(name)
+        if kind == BodyDescription.BOX:
             return 0.5 * math.hypot(*sizes)
-        if known.shape == BodyDescription.CYLINDER:
+        if kind == BodyDescription.CYLINDER:
             return math.hypot(0.5 * sizes[0], sizes[1])
-        return float(0.5 * sizes[0] + sizes[1] if known.shape == BodyDescription.CAPSULE else sizes[0])
+        return 0.5 * sizes[0] + sizes[1] if kind == BodyDescription.CAPSULE else sizes[0]
 
-    def middles_of_boxes(self, names: Sequence[str]) -> FloatArray:
-        """Return the middles (n, 3) [m] of boxes, which may be beside their centres of mass."""
+    def placed(self, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        """Return the middles (n, 3) [m] of bodies, which of boxes may be beside the centres of mass, and their
+        orientations (n, 4)."""
         positions, turns = (np.array(values) for values in zip(*(self.poses[name] for name in names), strict=True))
-        offsets = np.array([self.centres.get(name, (0.0, 0.0, 0.0)) for name in names])
-        return np.asarray(positions + rotated(np.roll(turns, -1, axis=1), offsets))
+        offsets = np.array([self.boxes[name][0] if name in self.boxes else (0.0, 0.0, 0.0) for name in names])
+        return positions + rotated(np.roll(turns, -1, axis=1), offsets), turns
 
     def hit(self, origin: FloatArray, direction: FloatArray) -> str | None:
         """Return the nearest body whose bounding sphere a ray (unit ``direction``) hits, or None."""
@@ -98,7 +126,8 @@ class Sight:
         return list(self.poses)[hit[along[hit].argmin()]] if hit.size else None
 
     def take(self, topic: str, data: bytes) -> None:
-        """Update with a message of a topic of `KINDS`. Raises `InputError` if it is malformed."""
+        """Update with a message of a topic of `KINDS`. Raises `InputError` if it is malformed, or the node refuses its
+        poses."""
         message = message_from(data, KINDS[topic])
         if topic == "body_descriptions":
             gone = self.appearances.keys() - {body.id for body in message.bodies}
@@ -106,6 +135,7 @@ class Sight:
                 del self.bases[frame]  # a robot that comes again may have the short names of its URDF
             self.appearances = {body.id: body for body in message.bodies}
             self.poses = {name: pose for name, pose in self.poses.items() if name in self.appearances}
+            self.heard &= self.appearances.keys()
         elif topic == "joint_states":
             self.joints = dict(zip(message.name, message.position, strict=False))
         elif topic == "odometry":
@@ -123,11 +153,30 @@ class Sight:
             moving = (body.id for body in message.bodies if any(_xyz(body.twist.linear) + _xyz(body.twist.angular)))
             self.asleep = frozenset(body.id for body in message.bodies) - frozenset(moving)
         elif message.header.frame_id.strip("/") in ("", self.frame):
-            self._place(_bodies_of(message))
+            bodies = _bodies_of(message)
+            for body in bodies:
+                place, turn = body.pose.position, body.pose.orientation
+                require_possible(body.id, BodyState(_xyz(place), (turn.x, turn.y, turn.z, turn.w)))
+            self._place(bodies)
+            self.heard |= {body.id for body in bodies}
+
+    def take_tracked(self, drawn: TrackedMarkers) -> None:
+        """Place the tracked bodies that are not `heard` where ~/scene has them."""
+        waiting = {shape: deque(poses) for shape, poses in drawn.items()}
+        for name, body in sorted(self.appearances.items(), key=lambda item: item[1].shape):
+            shape = min(body.shape, BodyDescription.CYLINDER), tuple(body.dimensions)
+            if body.tracked and (poses := waiting.get(shape)):
+                pose = poses.popleft()
+                if name not in self.heard:
+                    self.poses[name] = pose
 
     def _place(self, bodies: Iterable[TrackedBody]) -> None:
         for body in bodies:
-            self.poses[body.id], self.centres[body.id] = _pose(body.pose), tuple(body.centre.tolist())
+            self.poses[body.id] = _pose(body.pose)
+            if body.shape == TrackedBody.SHAPE_BOX:
+                self.boxes[body.id] = tuple(body.centre.tolist()), tuple(body.dimensions.tolist())
+            else:
+                self.boxes.pop(body.id, None)
 
 
 def _bodies_of(message: Any) -> list[TrackedBody]:

@@ -33,15 +33,13 @@ from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.client.command import Caller
 from smartmesh_ros.tools.client.remote import OUTPUTS, Remote
-from smartmesh_ros.tools.demo import demo_pictures
-from smartmesh_ros.tools.demo.demo_pictures import Frame
+from smartmesh_ros.tools.demo.frame import Frame
 from smartmesh_ros.tools.messages import pose_message
 
 SOURCE = {
     "scene": "elevation", "rate": 30.0, "resolution": 0.25, "relief": 3.0,
     "wave.amplitude": 0.1, "wave.number": 1.2, "wave.frequency": 4.0,
 }  # fmt: skip
-WATCHED = ("patches", "collider_patches", "body_states", "contacts", "joint_states", "odometry")
 # Rates are lowered to 10 Hz, so that two cores suffice for three processes.
 COLLIDER = {"publish.patches": 10.0, "publish.body_states": 10.0}
 ROBOT = "husky"
@@ -57,7 +55,10 @@ PLACES = [
     for reach, angle in zip(8 * (5.0, 7.0, 9.0), 2.0 * math.pi * np.arange(24) / 24, strict=True)
 ]
 # What the demo must receive.
-RECEIVED = (*WATCHED, "timing", "body_descriptions", "diagnostics")
+RECEIVED = (
+    "patches", "collider_patches", "body_states", "contacts", "joint_states", "odometry", "timing", "body_descriptions",
+    "diagnostics",
+)  # fmt: skip
 START_TIMEOUT = 60.0  # [s]
 
 
@@ -185,7 +186,11 @@ def main(args: list[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder of the pictures (%(default)s)")
     options = parser.parse_args(args)
     try:
+        from smartmesh_ros.tools.demo import demo_pictures
+
         make_folder(options.out)
+    except ModuleNotFoundError as error:
+        sys.exit(f"demo failed: its pictures need {error.name}: pip install {error.name}")
     except InputError as error:
         sys.exit(f"demo failed: {error}")
     use_large_message_profile()

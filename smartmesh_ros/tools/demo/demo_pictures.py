@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -15,6 +14,8 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+
+from smartmesh_ros.tools.demo.frame import Frame
 
 # Ground drawn beyond the outermost bodies [m].
 MARGIN = 2.0
@@ -27,34 +28,8 @@ BLUE_SHARE = 0.6
 PATCH_COLOUR = "#f28c28"
 BODY_COLOURS = {"ball": "#1f4e9c", "box": "#7a1f6b", "can": "#0b6b4f", "husky": "#c1121f"}
 OTHER_COLOUR, EDGES = "#202020", "#4d2600"
-
-
-class Window(NamedTuple):
-    """A square of the ground, by its edges [m]."""
-
-    left: float
-    right: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class Frame:
-    """The recorded scene at one time: ``heights`` (n, m) [m] of the ground in rows at ``y`` (n,) and columns at ``x``
-    (m,) [m], ``triangles`` of the patches (T, 3, 3) [m], and positions [m] of the ``bodies`` by name."""
-
-    time: float
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    heights: NDArray[np.float32]
-    triangles: NDArray[np.float64]
-    bodies: dict[str, tuple[float, float, float]]
-
-    def within(self, window: Window) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float32]]:
-        """Return x (m,), y (n,) and heights (n, m) [m] of the ground in a window."""
-        columns = np.flatnonzero((self.x >= window.left) & (self.x <= window.right))
-        rows = np.flatnonzero((self.y >= window.low) & (self.y <= window.high))
-        return self.x[columns], self.y[rows], self.heights[np.ix_(rows, columns)]
+# Bounds in x and y of a part of the ground [m].
+Window = tuple[tuple[float, float], tuple[float, float]]
 
 
 def draw(frames: list[Frame], folder: Path, say: Callable[[str], object] = lambda _: None) -> Iterator[Path]:
@@ -71,7 +46,7 @@ def window_of(frames: list[Frame]) -> Window:
     places = np.array([place[:2] for frame in frames for place in frame.bodies.values()] or corners)
     low, high = places.min(axis=0), places.max(axis=0)
     (x, y), half = 0.5 * (low + high), 0.5 * float((high - low).max()) + MARGIN
-    return Window(float(x) - half, float(x) + half, float(y) - half, float(y) + half)
+    return (x - half, x + half), (y - half, y + half)
 
 
 def _shade(heights: NDArray[np.float32], step: float) -> NDArray[np.float64]:
@@ -81,30 +56,28 @@ def _shade(heights: NDArray[np.float32], step: float) -> NDArray[np.float64]:
     return np.asarray(LightSource(315, 45).shade(heights, COLOURS, vert_exag=2.0, dx=step, dy=step, vmin=base))
 
 
-def _kind(name: str) -> str:
-    """Return the kind of a body of the demo: its name up to the underscore."""
-    return name.split("_")[0]
-
-
 def _mark(name: str) -> dict[str, Any]:
-    """Return the look of a body's marker."""
-    kind = _kind(name)
+    """Return the look of the marker of a body, whose name up to the underscore is its kind."""
+    kind = name.partition("_")[0]
     return {
-        "marker": "s" if kind in ("box", "husky") else "o", "color": BODY_COLOURS.get(kind, OTHER_COLOUR),
+        "label": kind, "linestyle": "", "marker": "s" if kind in ("box", "husky") else "o",
+        "color": BODY_COLOURS.get(kind, OTHER_COLOUR),
         "markersize": 9 if kind == "husky" else 4, "markeredgecolor": "white", "markeredgewidth": 0.5,
     }  # fmt: skip
 
 
 def _plan(axes: Any, frame: Frame, window: Window) -> None:
     """Draw the ground, the patches and the bodies of a window from above."""
-    x, y, z = frame.within(window)
-    image = _shade(z, float(x[1] - x[0]))
+    ends = (np.searchsorted(*axis) for axis in zip((frame.x, frame.y), window, strict=True))
+    columns, rows = (slice(max(first - 1, 0), last + 1) for first, last in ends)  # to the samples beside the window
+    x, y = frame.x[columns], frame.y[rows]
+    image = _shade(frame.heights[rows, columns], float(x[1] - x[0]))
     axes.imshow(image, origin="lower", extent=(x[0], x[-1], y[0], y[-1]), interpolation="bilinear")
     outlines = [*frame.triangles[:, :, :2]]
     axes.add_collection(PolyCollection(outlines, facecolor=PATCH_COLOUR, edgecolor=EDGES, linewidth=0.2, alpha=0.75))
     for name, (left, low, _) in frame.bodies.items():
         axes.plot(left, low, **_mark(name))
-    axes.set(xlim=window[:2], ylim=window[2:], xticks=[], yticks=[], title=f"{frame.time:.1f} s")
+    axes.set(xlim=window[0], ylim=window[1], xticks=[], yticks=[], title=f"{frame.time:.1f} s")
     axes.title.set_fontsize(10)
 
 
@@ -116,8 +89,8 @@ def _picture(frames: list[Frame], path: Path) -> Path:
     grid = figure.subplots(2, 3)
     for axes, frame in zip(grid.ravel(), chosen, strict=True):
         _plan(axes, frame, window)
-    kinds = {_kind(name): _mark(name) for name in frames[-1].bodies}
-    marks = [grid[0, 0].plot([], [], linestyle="", label=kind, **mark)[0] for kind, mark in kinds.items()]
+    kinds = {mark["label"]: mark for mark in map(_mark, frames[-1].bodies)}
+    marks = [grid[0, 0].plot([], [], **mark)[0] for mark in kinds.values()]
     marks += grid[0, 0].plot([], [], "s", color=PATCH_COLOUR, label="patch")
     figure.legend(handles=marks, loc="outside lower center", ncols=len(marks), frameon=False)
     figure.suptitle("A wave travels over a real elevation model: patches follow the bodies")

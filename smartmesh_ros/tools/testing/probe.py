@@ -12,35 +12,28 @@ import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray
-from nav_msgs.msg import Odometry
 from numpy.typing import ArrayLike, NDArray
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from sensor_msgs.msg import JointState
 from smartmesh_msgs import msg
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.tools.messages import heightmap_message, points_of, pose_message
+from smartmesh_ros.tools.replay.bag import class_of
 from smartmesh_ros.tools.testing.process import START_TIMEOUT, TIMEOUT, Process
 from smartmesh_ros.tools.testing.report import explain_timeout
 
 COLLIDER = "/terrain_collider"
 DIAGNOSTICS = "/diagnostics"
-# Topics below the collider's name. A probe subscribes to `_OUTPUTS` at once, and to `_MORE_OUTPUTS` in `latest`.
+# Topics below the collider's name. A probe subscribes to `_OUTPUTS` at once.
 _OUTPUTS = {
     "patches": MarkerArray,
     "collider_patches": msg.ColliderPatchArray,
     "body_states": msg.TrackedBodyArray,
     "contacts": msg.ContactArray,
     "timing": msg.Timing,
-}
-_MORE_OUTPUTS = {
-    "joint_states": JointState,
-    "odometry": Odometry,
-    "contact_wrenches": msg.ContactWrenchArray,
-    "pressed_ground": msg.HeightmapUpdate,
 }
 _INPUTS = {
     "heightmap": msg.Heightmap,
@@ -76,7 +69,7 @@ class Probe:
         self.publishers = {
             topic: self.node.create_publisher(kind, self.topic(topic), 10) for topic, kind in _INPUTS.items()
         }
-        self._kinds: dict[str, Any] = {}
+        self._listens: set[str] = set()
         for topic, kind in _OUTPUTS.items():
             self.listen(topic, kind)
         self.listen(DIAGNOSTICS, DiagnosticArray)
@@ -100,8 +93,8 @@ class Probe:
     def listen(self, topic: str, kind: Any, qos: Any = 100) -> list[Any]:
         """Subscribe to a topic; return the list to which its messages are appended."""
         name = self.topic(topic)
-        if name not in self._kinds:
-            self._kinds[name] = kind
+        if name not in self._listens:
+            self._listens.add(name)
             self.node.create_subscription(kind, name, self.received[name].append, qos)
         return self.received[name]
 
@@ -181,9 +174,10 @@ class Probe:
 
     def latest(self, topic: str) -> Any:
         """Wait for the next message of an output (below the collider's name, or a full name); return it."""
-        if topic in _MORE_OUTPUTS:
-            self.listen(topic, _MORE_OUTPUTS[topic])
-        messages = self.received[self.topic(topic)]
+        if (name := self.topic(topic)) not in self._listens:
+            [kind] = self.wait_for(lambda: dict(self.node.get_topic_names_and_types()).get(name))
+            self.listen(topic, class_of(kind))
+        messages = self.received[name]
         seen = len(messages)
         self.wait_for(lambda: len(messages) > seen)
         return messages[-1]

@@ -23,21 +23,14 @@ def explain_timeout(
     refused = [f"{key.removeprefix('refused, ')} {value}" for key, value in inputs.items() if key != "message"]
     lines = [f"waited {timeout:.0f} s in vain; received {counts}", f"refused: {', '.join(refused) or 'nothing'}"]
     lines.append("connected, as publishers -> subscriptions:")
-    lines += [f"  {topic}: {_names(node, topic)}" for topic in sorted(_topics(node, received))]
+    # A topic of the test without other endpoints is the likely cause.
+    topics = {publisher.topic_name for publisher in node.publishers}.union(received)
+    for topic in sorted(topics - {"/rosout", "/parameter_events"}):
+        ends = node.get_publishers_info_by_topic(topic), node.get_subscriptions_info_by_topic(topic)
+        names = (", ".join(sorted({info.node_name for info in infos})) or "nobody" for infos in ends)
+        lines.append(f"  {topic}: {' -> '.join(names)}")
     for process in processes:
         state = "runs" if process.process.poll() is None else f"ended with {process.process.returncode}"
         lines.append(f"{process.name} {state}; its last lines:")
         lines += [f"  {line}" for line in process.output.splitlines()[-LOG_LINES:]]
     return "\n".join(lines)
-
-
-def _topics(node: Node, received: Mapping[str, list[Any]]) -> set[str]:
-    """Return the topics that the test subscribes to or publishes; one without other endpoints is the likely cause."""
-    own = {publisher.topic_name for publisher in node.publishers}
-    return own.union(received) - {"/rosout", "/parameter_events"}
-
-
-def _names(node: Node, topic: str) -> str:
-    publishers = {info.node_name for info in node.get_publishers_info_by_topic(topic)}
-    subscriptions = {info.node_name for info in node.get_subscriptions_info_by_topic(topic)}
-    return f"{', '.join(sorted(publishers)) or 'nobody'} -> {', '.join(sorted(subscriptions)) or 'nobody'}"

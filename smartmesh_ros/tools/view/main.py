@@ -19,6 +19,7 @@ from smartmesh_ros.node.running import Stop, init
 from smartmesh_ros.startup.arguments import Parser, number
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.tools.client.remote import Remote
+from smartmesh_ros.tools.demo.demo import demo_running
 
 # Time after which the view says that its node is not there [s].
 PATIENCE = 3.0
@@ -44,8 +45,7 @@ def main(args: list[str] | None = None) -> None:
         except InputError as error:
             sys.exit(f"view: {error}")
         except ModuleNotFoundError as error:
-            hint = "pip install 'viser[urdf]', and matplotlib for --demo"
-            sys.exit(f"the view needs {error.name}, which is not installed; {hint}")
+            sys.exit(f"the view needs {error.name}, which is not installed: pip install 'viser[urdf]'")
         except KeyboardInterrupt:
             pass
         finally:
@@ -56,9 +56,6 @@ def show(options: argparse.Namespace, stop: Stop) -> None:
     """Show a node until ``stop`` is asked for."""
     from smartmesh_ros.tools.view.page import Page
 
-    if options.demo:
-        from smartmesh_ros.tools.demo.demo import demo_running  # imports Matplotlib
-
     with (
         closing(Remote("/" + options.node.strip("/"))) as remote,
         demo_running(remote) if options.demo else nullcontext() as demo,
@@ -66,16 +63,16 @@ def show(options: argparse.Namespace, stop: Stop) -> None:
         stop.starting = False  # the page is ended in order
         with closing(Page(remote, options.host, options.port)) as page:
             print(f"{remote.name} is shown at {page.url}", flush=True)
-            due = monotonic()
-            patience = due + PATIENCE
+            patience = monotonic() + PATIENCE
             while not stop.asked:
                 if monotonic() > patience:
                     patience = math.inf
                     if remote.missing:
                         print(f"{remote.missing}; waiting for it (--node names another)", file=sys.stderr, flush=True)
-                remote.spin(max(due - monotonic(), 0.0))
-                due = max(due + 1.0 / options.rate, monotonic())
+                start = monotonic()
                 page.refresh()
+                took = monotonic() - start
+                remote.spin(max(1.0 / options.rate - took, took))  # at least half of the time
                 if demo is not None and not stop.asked:
                     demo.require_nodes()
                     demo.drive()

@@ -91,7 +91,7 @@ class Panel:
         remote = self._remote
         self._status.content = self._status_words()
         self._pause.label = "Continue" if remote.paused else "Pause"
-        lines = dict.fromkeys([*remote.warnings, *remote.log])  # each once
+        lines = dict.fromkeys([*remote.warnings, *self._scene.faults, *remote.log])  # each once
         self._warnings.content = "\n".join(f"- {line}" for line in lines) or "none"
         self._show_selected()
         self._chart.update(remote.timings)

@@ -28,14 +28,14 @@ _NO_NUMBERS = re.compile(r"[^-+.\deE\s]")
 
 
 class Robot:
-    """A robot of a viser server. ``readable``: True if its description can be drawn."""
+    """A robot of a viser server. ``fault``: why its description cannot be drawn; empty if it is drawn."""
 
     def __init__(self, server: Any, name: str, appearance: BodyDescription) -> None:
         self.appearance, self._name = appearance, name
         self._frame = server.scene.add_frame(f"/robots/{name}", show_axes=False)
         self._joints: list[str] = []
         self._values: list[float] = []
-        self._root, self._top, self.readable = "", UNKNOWN_TOP, False
+        self._root, self._top, self.fault = "", UNKNOWN_TOP, ""
         try:
             urdf = yourdfpy.URDF.load(io.BytesIO(_drawable(appearance)), filename_handler=lambda fname: fname)
             for mesh in urdf.scene.geometry.values():
@@ -44,9 +44,10 @@ class Robot:
             self._root, self._joints = urdf.base_link, list(urdf.actuated_joint_names)
             if (bounds := urdf.scene.bounds) is not None:
                 self._top = float(bounds[1][2]) + GAP
-            self.readable = True
-        except Exception:  # noqa: BLE001  # a description may be anything; the errors have no common base
-            pass  # it is drawn as a ball
+        except Exception as error:  # noqa: BLE001  # a description may be anything; the errors have no common base
+            self.fault = f"its description cannot be read ({error})"
+            if not appearance.urdf:
+                self.fault = f"its file {appearance.urdf_file} is gone from the node's machine"
         self._label = server.scene.add_label(f"/labels/{name}", name, anchor="bottom-center", visible=False)
 
     def show(self, sight: Sight) -> None:

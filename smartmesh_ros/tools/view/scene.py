@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from smartmesh_msgs.msg import BodyDescription
 
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.client.ground import Ground
 from smartmesh_ros.tools.client.patch import Patch
-from smartmesh_ros.tools.client.sight import DEFAULT_RADIUS, ROBOT_RADIUS, Sight, Vector
+from smartmesh_ros.tools.client.sight import DEFAULT_RADIUS, Sight, Vector
 from smartmesh_ros.tools.view import looks
 from smartmesh_ros.tools.view.looks import PatchLook
 from smartmesh_ros.tools.view.robots import Robot
@@ -27,8 +26,6 @@ ARROW = 2.5
 SKY, SUN, SUN_AT = (225, 236, 255), (255, 240, 214), (-3.5, 7.0, 5.5)
 # Key of bodies that are drawn as one batch: kind and dimensions of BodyDescription, and whether they are tracked.
 Shape = tuple[int, tuple[float, ...], bool]
-# Shape of a robot that cannot be drawn.
-UNKNOWN: Shape = (BodyDescription.SPHERE, (ROBOT_RADIUS,), True)
 
 
 class Scene:
@@ -63,6 +60,11 @@ class Scene:
             self._show_bodies(sight)
             self._show_contacts(sight, float(np.median(radii)) if len(radii) else DEFAULT_RADIUS)
 
+    @property
+    def faults(self) -> list[str]:
+        """Why robots are drawn as boxes."""
+        return [f"{name} is drawn as a box: {robot.fault}" for name, robot in self._robots.items() if robot.fault]
+
     def mark(self, position: Vector | None, radius: float = DEFAULT_RADIUS) -> None:
         """Mark a position by a wire ball; None removes it."""
         ball = self._selected
@@ -75,18 +77,13 @@ class Scene:
     def _show_bodies(self, sight: Sight) -> None:
         groups: dict[Shape, list[str]] = defaultdict(list)
         for name, known in sight.appearances.items():
-            if name not in sight.poses or (name in self._robots and self._robots[name].readable):
-                continue
-            shape = (known.shape, tuple(known.dimensions), known.tracked)
-            groups[shape if known.dimensions else UNKNOWN].append(name)
+            if name in sight.poses and (name not in self._robots or self._robots[name].fault):
+                groups[*sight.shape_of(name), known.tracked].append(name)
         for shape in self._bodies.keys() - groups.keys():
             self._bodies.pop(shape).remove()
         for shape, names in groups.items():
-            poses = [sight.poses[name] for name in names]
-            positions, turns = (np.array(values, np.float32) for values in zip(*poses, strict=True))
             kind, dimensions, tracked = shape
-            if kind == BodyDescription.BOX:
-                positions = sight.middles_of_boxes(names).astype(np.float32)
+            positions, turns = (values.astype(np.float32) for values in sight.placed(names))
             colours = looks.body_colours(kind, tracked, [name in sight.asleep for name in names])
             batch = self._bodies.get(shape)
             if batch is None or len(batch.batched_positions) != len(names):
@@ -140,8 +137,7 @@ def placed(patch: Patch, ground: Ground) -> tuple[str, FloatArray]:
     deck, tile = ground.deck_of(patch.tile), ground.tiles.get(patch.tile)
     if deck is None or not isinstance(tile, HeightMap):
         return "", patch.vertices_w
-    frame = ground.terrain().decks[deck].frame(0.0)
-    vertices = (patch.vertices_w - frame.position) @ frame.rotation
+    vertices = ground.frames[deck].inside(patch.vertices_w)
     heights = tile.at(vertices[:, :2], 0.0).heights
     vertices[:, 2] = np.where(np.isnan(heights), vertices[:, 2], heights)
     return f"/decks/{deck}", vertices

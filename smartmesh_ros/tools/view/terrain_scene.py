@@ -17,6 +17,7 @@ from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.client.ground import Ground
 from smartmesh_ros.tools.client.patch import Patch
+from smartmesh_ros.tools.client.sight import Pose
 from smartmesh_ros.tools.view.decimation import decimate
 from smartmesh_ros.tools.view.looks import Entry
 
@@ -109,33 +110,31 @@ class TerrainScene:
         of_tile: dict[str, list[Patch]] = defaultdict(list)
         for patch in patches:
             of_tile[patch.tile].append(patch)
-        meshes, decks = {}, ground.terrain().decks
-        self._show_frames(ground, decks.keys())
+        meshes = {}
         for name, tile in ground.shown.items():
             # One part of a path, because viser removes what is below a path with it.
             deck, path = ground.deck_of(name), f"/terrain/tile_{quote(name, safe='')}"
-            root = f"/decks/{deck}" if deck else ""
+            root = self._frame_of(deck, ground.frames[deck]) if deck else ""
             if not isinstance(tile, HeightMap):
                 meshes[root + path] = Mesh(tile.vertices, tile.triangles, GROUND)
                 continue
             relief = self._reliefs.get(name)
             if relief is None or (relief.geometry, relief.root) != (tile.geometry, root):
                 relief = self._reliefs[name] = _Relief(root, path, tile.geometry, self._period)
-            if deck:
-                frame = decks[deck].frame(0.0)
-                near = (bodies - frame.position) @ frame.rotation
-            else:
+            if not deck:
                 relief.follow(tile, of_tile[name])
-            meshes |= relief.meshes(tile, near if deck else bodies, radii, ground.first[name] if sunk else None)
+            near = ground.frames[deck].inside(bodies) if deck else bodies
+            meshes |= relief.meshes(tile, near, radii, ground.first[name] if sunk else None)
         self._meshes.show(meshes)
         self._reliefs = {name: relief for name, relief in self._reliefs.items() if name in ground.tiles}
 
-    def _show_frames(self, ground: Ground, decks: Iterable[str]) -> None:
-        """Move the frames of decks, under which their tiles are drawn."""
-        for deck in decks:
-            if deck not in self._frames:
-                self._frames[deck] = self._scene.add_frame(f"/decks/{deck}", show_axes=False)
-            self._frames[deck].position, self._frames[deck].wxyz = ground.frames[deck]
+    def _frame_of(self, deck: str, pose: Pose) -> str:
+        """Move the frame of a deck, under which its tiles are drawn; return its path."""
+        path = f"/decks/{deck}"
+        if deck not in self._frames:
+            self._frames[deck] = self._scene.add_frame(path, show_axes=False)
+        self._frames[deck].position, self._frames[deck].wxyz = pose
+        return path
 
 
 class _Relief:
@@ -152,15 +151,13 @@ class _Relief:
 
     def follow(self, tile: HeightMap, patches: list[Patch]) -> None:
         """Take the heights under patches where they are no longer those of the map."""
-        found = [samples_of(patch) for patch in patches if patch.shape is not None]
-        rows, columns, heights = (
-            np.concatenate([part[k] for part in found]) if found else np.empty(0) for k in range(3)
-        )
-        inside = (rows >= 0) & (columns >= 0) & (rows < self.geometry.rows) & (columns < self.geometry.columns)
-        inside &= ~np.isnan(heights)
-        places = rows[inside].astype(np.int64) * self.geometry.columns + columns[inside].astype(np.int64)
-        places, first = np.unique(places, return_index=True)
-        heights = heights[inside][first]
+        parts = [patch.vertices_w for patch in patches if patch.kind == "heightfield"]
+        vertices = np.concatenate([np.empty((0, 3)), *parts])
+        vertices = vertices[~np.isnan(vertices[:, 2])]
+        cells = np.rint(self.geometry.to_grid(vertices[:, :2])).astype(np.int64)
+        inside = ((cells >= 0) & (cells <= self.geometry.last)).all(axis=1)
+        places, first = np.unique(cells[inside] @ (self.geometry.columns, 1), return_index=True)
+        heights = vertices[inside][first, 2]
         moved = np.abs(tile.heights.ravel()[places] + self.geometry.origin[2] - heights) > SEEN
         self._moved, self._heights = places[moved], heights[moved]
 
@@ -218,14 +215,6 @@ class _Relief:
         self._surface = decimate((geometry.rows, geometry.columns), centres, near)
         self._xy = geometry.to_world(self._surface.rows, self._surface.columns)
         return True
-
-
-def samples_of(patch: Patch) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the rows, columns and heights [m] of the samples (n,) of a patch of a map."""
-    high, wide = patch.shape or (0, 0)
-    r, c = np.divmod(np.arange(high * wide), max(wide, 1))
-    rows = patch.row + (r - (high - 1) // 2) * patch.stride
-    return rows, patch.column + (c - (wide - 1) // 2) * patch.stride, patch.vertices_w[:, 2]
 
 
 def triangles_by_band(values: FloatArray, triangles: NDArray[Any], bands: Bands) -> Iterator[tuple[Any, NDArray[Any]]]:

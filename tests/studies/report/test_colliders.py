@@ -18,20 +18,16 @@ from studies.report.ground import ReportGround, ReportWorld
 from studies.report.patches import ChosenPatches, PatchBatch, mesh_twist
 from tests.bodies import height, put
 from tests.examples import examples
-from tests.grounds import level
+from tests.grounds import level, shaped
 from tests.terrain.surfaces import highest, mesh_of
 
-RESOLUTION = 0.25
-SIZE = 41
 DT = 1.0 / 240.0
 KINDS: tuple[PatchKind, ...] = ("heightfield", "trimesh", "prisms", "whole_trimesh", "whole_heightfield")
 MESH_KINDS: tuple[PatchKind, ...] = ("trimesh", "prisms")
 
 
 def bowl() -> HeightMap:
-    half = SIZE // 2 * RESOLUTION
-    axis = np.linspace(-half, half, SIZE)
-    return HeightMap(0.15 * (axis[:, None] ** 2 + axis**2), resolution=RESOLUTION, origin=(-half, -half))
+    return shaped(lambda x, y: 0.15 * (x * x + y * y), 41, 0.25)
 
 
 def world_on(terrain: MainMesh | Terrain, kind: PatchKind, **more: Any) -> ReportWorld:
@@ -39,7 +35,6 @@ def world_on(terrain: MainMesh | Terrain, kind: PatchKind, **more: Any) -> Repor
 
 
 def rest(terrain: MainMesh, kind: PatchKind, shape: Sphere | Box, **more: Any) -> tuple[float, float, float]:
-    """Where a body comes to rest at the bottom of the bowl."""
     with world_on(terrain, kind, **more) as world:
         world.spawn("body", shape, 1.0, BodyState((0.0, 0.0, 0.4)))
         world.step(1440)
@@ -58,20 +53,16 @@ def test_bodies_rest_on_every_kind_as_on_the_whole_main_mesh(shape: Sphere | Box
         assert found == pytest.approx(reference, abs=1.1e-3), f"{kind} of a mesh by {search}"
 
 
-def lid_over(points: np.ndarray) -> float:
-    """Height of the upper side of the convex hull of points over the origin: the highest triangle of any three."""
-    corners = points[np.array(list(combinations(range(len(points)), 3)))]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return float(highest(corners, np.array([[0.0, 0.0, np.inf]])).values[0])
-
-
 @pytest.mark.parametrize("is_mesh", [False, True], ids=["map", "mesh"])
 def test_a_hull_hovers_over_a_trough_by_what_geometry_predicts(is_mesh: bool) -> None:
     """The convex hull of a bowl is closed by a lid through its highest vertices (the report's Figure 19)."""
     with world_on(mesh_of(bowl()) if is_mesh else bowl(), "hull", rings=2, search="brute_force") as world:
         world.track("probe", 0.2, BodyState((0.0, 0.0, 0.6)))
         world.refresh()
-        lid = lid_over(world.ground.chosen.batches[0].vertices_w[0])
+        points = world.ground.chosen.batches[0].vertices_w[0]
+        triangles = points[np.array(list(combinations(range(len(points)), 3)))]  # of any three
+        with np.errstate(divide="ignore", invalid="ignore"):
+            lid = float(highest(triangles, np.array([[0.0, 0.0, np.inf]])).values[0])
         assert lid > 0.05
         world.remove("probe")
         world.spawn("ball", Sphere(0.2), 1.0, BodyState((0.0, 0.0, lid + 0.201)))
@@ -214,8 +205,6 @@ PLACES = np.array([[x, y, 0.1 * x * y] for x in (-1.0, 0.0, 1.0) for y in (-1.0,
 
 
 @given(vectors, vectors, vectors)
-def test_a_rigid_motion_is_found_wherever_the_body_is(
-    linear: np.ndarray, angular: np.ndarray, body: np.ndarray
-) -> None:
+def test_a_rigid_motion_is_found_around_any_body(linear: np.ndarray, angular: np.ndarray, body: np.ndarray) -> None:
     found = mesh_twist(PLACES, linear + np.cross(angular, PLACES), body, 1.0)
     np.testing.assert_allclose(found, (linear, angular), atol=1e-6)

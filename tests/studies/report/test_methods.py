@@ -10,26 +10,7 @@ from matplotlib.tri import Triangulation
 
 from smartmesh_ros import GridGeometry
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
-from studies.report.search import (
-    GridGraph,
-    TriangleGraph,
-    best_first_cells,
-    best_first_vertex,
-    brute_force_cells,
-    brute_force_vertex,
-    cached_topology,
-    nearest_vertices,
-    queue_bfs,
-    ray_cast,
-    topology_around,
-    union_bfs,
-)
-
-
-def horizontal_brute_force(mesh: TriangleMesh, positions: np.ndarray) -> np.ndarray:
-    """Nearest vertex seen from above, written out; the lowest index of equal ones."""
-    distance = ((mesh.vertices[None, :, :2] - positions[:, None, :2]) ** 2).sum(axis=2)
-    return distance.argmin(axis=1)
+from studies.report import search
 
 
 def stretched(rng: np.random.Generator, rows: int, columns: int) -> np.ndarray:
@@ -64,14 +45,14 @@ def delaunay_mesh(rng: np.random.Generator) -> TriangleMesh:
 @pytest.mark.parametrize("make", [stretched_mesh, delaunay_mesh])
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 10**6))
-def test_best_first_equals_brute_force(make: Callable[[np.random.Generator], TriangleMesh], seed: int) -> None:
+def test_best_first_is_brute_force_from_above(make: Callable[[np.random.Generator], TriangleMesh], seed: int) -> None:
     rng = np.random.default_rng(seed)
     mesh = make(rng)
-    graph = TriangleGraph(mesh.triangles, mesh.size)
+    graph = search.TriangleGraph(mesh.triangles, mesh.size)
     positions = around(rng, mesh.vertices)
-    expected = horizontal_brute_force(mesh, positions)
+    expected = ((mesh.vertices[:, :2] - positions[:, None, :2]) ** 2).sum(axis=2).argmin(axis=1)
     starts = rng.integers(mesh.size, size=len(positions))
-    found = [best_first_vertex(mesh, graph, p, int(s)) for p, s in zip(positions, starts, strict=True)]
+    found = [search.best_first_vertex(mesh, graph, p, int(s)) for p, s in zip(positions, starts, strict=True)]
     np.testing.assert_array_equal(found, expected)
 
 
@@ -82,22 +63,22 @@ def test_every_search_agrees_on_height_maps(seed: int, rows: int, columns: int, 
     rng = np.random.default_rng(seed)
     grid = rng.uniform((-3, -3), (rows + 3, columns + 3), (50, 2))
     grid[:10] = np.rint(grid[:10]) + 0.5  # as far from four vertices alike: the first of them is the nearest
-    expected = brute_force_cells(geometry, grid)
+    expected = search.brute_force_cells(geometry, grid)
     inner = np.stack(np.meshgrid(np.arange(1, rows - 1), np.arange(1, columns - 1), indexing="ij"), axis=-1)
     least = np.linalg.norm(grid[:, None] - inner.reshape(-1, 2), axis=2).min(axis=1)
     np.testing.assert_allclose(np.linalg.norm(grid - expected, axis=1), least, rtol=1e-9, atol=1e-9)
-    traversal = nearest_vertices(geometry, grid)
+    traversal = search.nearest_vertices(geometry, grid)
     starts = rng.integers(1, (rows - 1, columns - 1), (50, 2))
-    walked = best_first_cells(geometry, grid, starts)
+    walked = search.best_first_cells(geometry, grid, starts)
     for found in (traversal, walked):
         np.testing.assert_array_equal(found, expected)
 
 
 def test_brute_force_is_three_dimensional_on_general_meshes() -> None:
     upright = TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 0, 10], [1, 0, 10]], [[0, 1, 2], [1, 3, 2]])
-    assert brute_force_vertex(upright.vertices.T, np.array([0.1, 0.0, 9.0])) == 2
-    assert brute_force_vertex(upright.vertices.T, np.array([0.1, 0.0, 1.0])) == 0
-    assert brute_force_vertex(upright.vertices.T, np.array([0.5, 0.0, 0.0])) == 0  # the lower of equal ones
+    assert search.brute_force_vertex(upright.vertices.T, np.array([0.1, 0.0, 9.0])) == 2
+    assert search.brute_force_vertex(upright.vertices.T, np.array([0.1, 0.0, 1.0])) == 0
+    assert search.brute_force_vertex(upright.vertices.T, np.array([0.5, 0.0, 0.0])) == 0  # the lower of equal ones
 
 
 @settings(max_examples=40, deadline=None)
@@ -108,7 +89,7 @@ def test_a_ray_finds_the_nearest_vertex_of_its_own_patch_or_says_that_it_missed(
     triangles = grid_triangles(5, 5)
     positions = around(rng, vertices)
     positions[:, 2] = vertices[:, 2].max() + 1.0
-    hits = np.array([ray_cast(position, vertices, triangles) for position in positions])
+    hits = np.array([search.ray_cast(position, vertices, triangles) for position in positions])
     low, high = vertices[0, :2], vertices[-1, :2]
     over = ((positions[:, :2] >= low) & (positions[:, :2] <= high)).all(axis=1)
     np.testing.assert_array_equal(hits >= 0, over)
@@ -119,7 +100,7 @@ def test_a_ray_finds_the_nearest_vertex_of_its_own_patch_or_says_that_it_missed(
         assert mine
     below = positions.copy()
     below[:, 2] = vertices[:, 2].min() - 1.0
-    assert {ray_cast(position, vertices, triangles) for position in below} == {-1}
+    assert {search.ray_cast(position, vertices, triangles) for position in below} == {-1}
 
 
 @pytest.mark.parametrize("rings", [1, 2, 3, 4])
@@ -127,17 +108,17 @@ def test_a_ray_finds_the_nearest_vertex_of_its_own_patch_or_says_that_it_missed(
 def test_both_searches_and_the_cache_collect_the_same_with_the_triangles_all_of_whose_corners_are_collected(
     rings: int, start: int
 ) -> None:
-    mesh = TriangleGraph(grid_triangles(13, 13), 13 * 13)
-    queued, united = queue_bfs(mesh, start, rings), union_bfs(mesh, start, rings)
-    cached = cached_topology(mesh)
+    mesh = search.TriangleGraph(grid_triangles(13, 13), 13 * 13)
+    queued, united = search.queue_bfs(mesh, start, rings), search.union_bfs(mesh, start, rings)
+    cached = search.cached_topology(mesh)
     assert queued == united == cached(start, rings).vertices.tolist()
     assert cached(start, rings) is cached(start, rings)
-    patch = topology_around(mesh, start, rings, queue_bfs)
+    patch = search.topology_around(mesh, start, rings, search.queue_bfs)
     np.testing.assert_array_equal(patch.triangles, cached(start, rings).triangles)
     inside = np.isin(mesh.triangles, patch.vertices).all(axis=1)
     np.testing.assert_array_equal(patch.vertices[patch.triangles], mesh.triangles[inside])
-    grid = GridGraph(13, 13)
-    collected = queue_bfs(grid, start, rings)
-    assert collected == union_bfs(grid, start, rings)
+    grid = search.GridGraph(13, 13)
+    collected = search.queue_bfs(grid, start, rings)
+    assert collected == search.union_bfs(grid, start, rings)
     if start == 13 * 6 + 6:  # in the middle: a square (Figure 7), and a hexagon of 1 + 6 (1 + 2 + ... + rings) vertices
         assert (len(collected), len(queued)) == ((2 * rings + 1) ** 2, 1 + 3 * rings * (rings + 1))

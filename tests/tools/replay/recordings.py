@@ -200,13 +200,11 @@ RECORDINGS: dict[str, tuple[dict[str, Any], Callable[[], Iterator[Message]]]] = 
 
 
 def in_order(name: str) -> list[Message]:
-    """The messages of a recording by the time of their arrival, with full names."""
     found = sorted(RECORDINGS[name][1](), key=lambda message: message[1])
     return [(topic if topic[0] == "/" else f"/terrain_collider/{topic}", time, one) for topic, time, one in found]
 
 
 def digest_of(name: str, folder: Path) -> str:
-    """The digest of a recording that was written to a bag."""
     bags.write(folder / name, in_order(name))
     with Replay(Bag(folder / name), RECORDINGS[name][0]) as replay:
         replay.run()

@@ -32,16 +32,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(path)
 
 
-def run(*arguments: Any, seed: str = "0") -> subprocess.CompletedProcess[str]:
-    """The executable, in a process of its own."""
-    command = [str(executable("replay")), *map(str, arguments)]
-    return subprocess.run(
-        command, capture_output=True, text=True, env={**os.environ, "PYTHONHASHSEED": seed}, check=False
-    )
-
-
 def words_of(capsys: pytest.CaptureFixture[str], *arguments: Any) -> str:
-    """What it says when it cannot start."""
     assert main([*map(str, arguments)]) == 2
     said = capsys.readouterr().err
     assert "Traceback" not in said
@@ -52,7 +43,9 @@ def test_the_file_is_a_recording_and_the_same_each_time(bag: str, tmp_path: Path
     files = [tmp_path / name / "out.mcap" for name in ("first", "second")]
     for seed, file in enumerate(files):
         file.parent.mkdir()
-        found = run(bag, *ARGUMENTS, "-o", file, "--until", 0.6, seed=str(seed))
+        command = [str(executable("replay")), bag, *ARGUMENTS, "-o", str(file), "--until", "0.6"]
+        environment = os.environ | {"PYTHONHASHSEED": str(seed)}
+        found = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
         assert found.returncode == 0, found.stderr
     first, second = (file.read_bytes() for file in files)
     assert first == second

@@ -19,9 +19,7 @@ from smartmesh_msgs.srv import SpawnBody
 from std_srvs.srv import SetBool
 from tf2_msgs.msg import TFMessage
 
-from smartmesh_ros import Soil
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros import BodyState, InputError, Soil
 from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.node.inputs.adapters import grid_map_raster
 from smartmesh_ros.node.outputs.cdr import bytes_of
@@ -182,11 +180,10 @@ def test_bodies_of_a_recorded_peer_are_met(replay: Make) -> None:
     """Which a node finds by itself: a peer's ball stands where a ball of this node falls."""
     peer = replay([level()], {"bodies.spawn": [BALL.replace("id: ball", "id: theirs")]}, keep=["body_states"])
     peer.run(1.5)
-    states = [
-        ("/other/terrain_collider/body_states", 0.01 * k, one) for k, one in enumerate(peer.received("body_states"))
-    ]
+    said = peer.received("body_states")
+    states = [("/other/terrain_collider/body_states", 0.01 * k, one) for k, one in enumerate(said)]
     for _, _, message in states:
-        message.header.stamp, message.bodies = stamp_of(0.0), peer.received("body_states")[-1].bodies
+        message.header.stamp, message.bodies = stamp_of(0.0), said[-1].bodies
     for peers in (["auto"], ["/other/terrain_collider"]):
         run = replay([level(), *states], {"bodies.spawn": [BALL], "bodies.peers": peers})
         run.run(0.8)

@@ -50,9 +50,7 @@ def recorded(path: Path, yaw: float = 0.0, topic: str = MAP) -> str:
     return str(path)
 
 
-def test_the_node_loads_what_is_written(
-    domain: int, tmp_path: Path, capfd: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nodes_load_what_is_written(domain: int, tmp_path: Path, capfd: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """In a namespace of its own: a node of the same name that another test left behind would be warned of."""
     monkeypatch.setattr(grid, "GRID", {"physics.rate": (60.0, 240.0), "physics.solver_residual": (1e-9, 1e-5)})
     scene, start = tmp_path / "small.yaml", tmp_path / "start.yaml"
@@ -95,9 +93,7 @@ def test_a_map_that_is_turned_is_measured_as_one_that_is_not(tmp_path: Path) -> 
 
 def test_ground_that_is_not_followed_is_measured_as_penetration(tmp_path: Path) -> None:
     """Control: on ground that waits for the next map, bodies are inside the true ground by what it rises."""
-    case = open_case(
-        recorded(tmp_path / "bag", topic="/maps"), {"bodies.spawn": SPAWN}, [("~/heightmap", "/maps")], None
-    )
+    case = open_case(recorded(tmp_path / "bag", topic="/m"), {"bodies.spawn": SPAWN}, [("~/heightmap", "/m")], None)
     kept, _ = measure(case, {})
     lagging, positions = measure(case, {"terrain.motion": "hold"})
     assert kept.penetration < 0.5 * lagging.penetration
@@ -138,7 +134,7 @@ def test_a_signal_ends_the_search_and_its_processes(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("options", "words"),
     [
         (["flat", "--budget", "0"], "--budget is 0; it must be a number greater than zero"),
         (["flat", "--jobs", "0"], "--jobs is 0"),
@@ -150,14 +146,10 @@ def test_a_signal_ends_the_search_and_its_processes(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_be(
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    arguments: list[str],
-    words: str,
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, options: list[str], words: str
 ) -> None:
     monkeypatch.setattr(grid, "GRID", {name: (value,) for name, value in KNOWN.items()})
-    source, *others = arguments
+    source, *others = options
     given = recorded(tmp_path / "bag") if source == "bag" else source
     assert cli.main([given, "--out", str(tmp_path / "out"), *others]) == 2
     said = capsys.readouterr().err

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import closing, nullcontext
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,23 +18,6 @@ from smartmesh_ros.tools.client.remote import Remote
 from smartmesh_ros.tools.view.knobs import KnobPanel
 
 
-class Gui:
-    """What the panel needs of viser: widgets by their labels."""
-
-    def __init__(self) -> None:
-        self.gui, self.widgets = self, dict[str, Any]()
-
-    def add_folder(self, *_: Any, **__: Any) -> Any:
-        return nullcontext()
-
-    def __getattr__(self, add_kind: str) -> Any:
-        def add(label: str, initial_value: Any = None, **_: Any) -> Any:
-            self.widgets[label] = SimpleNamespace(value=initial_value, on_update=lambda _: None)
-            return self.widgets[label]
-
-        return add
-
-
 @pytest.fixture
 def remote(domain: int) -> Iterator[Remote]:
     """What a view knows of the node."""
@@ -45,19 +27,18 @@ def remote(domain: int) -> Iterator[Remote]:
     rclpy.try_shutdown()
 
 
-def test_the_page_shows_the_parameters_of_the_node_that_runs_now(probe: Probe, remote: Remote) -> None:
+def test_the_page_shows_the_parameters_of_the_node_that_runs_now(probe: Probe, remote: Remote, server: Any) -> None:
     """Also where it was killed in the middle of an answer, and the page stayed open meanwhile."""
-    server = Gui()
     panel = KnobPanel(server, remote, nullcontext())
 
-    def shown() -> Any:
+    def rates() -> list[float]:
         remote.spin(0.05)
         panel.update()
-        return "rate" in server.widgets and server.widgets["rate"].value
+        return [knob.value for knob in server.gui._gui_input_handle_from_uuid.values() if knob.label == "rate"]
 
     for rate in (100.0, 120.0):
         with Process("terrain_collider", {"physics.rate": rate}) as process:
-            probe.wait_for(lambda rate=rate: shown() == rate, watch=process)
+            probe.wait_for(lambda rate=rate: rates() == [rate], watch=process)
             process.process.kill()
 
 

@@ -1,8 +1,12 @@
 """What the page is made of, without a browser: knobs from descriptions, charts of timings, and looks of bodies."""
 
+import asyncio
 import colorsys
 import itertools
 import math
+import subprocess
+import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +18,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.tools.client.patch import KINDS
+from smartmesh_ros.tools.testing import TIMEOUT, Process
 from tests.examples import examples
 
 pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")
@@ -23,7 +28,8 @@ from smartmesh_ros.tools.client.sight import Sight
 from smartmesh_ros.tools.view import looks
 from smartmesh_ros.tools.view.knobs import knob_of, nice_step, parameter_of, shown_value
 from smartmesh_ros.tools.view.looks import PatchLook, patch_look
-from smartmesh_ros.tools.view.page import start_server, stop_server
+from smartmesh_ros.tools.view.main import main
+from smartmesh_ros.tools.view.page import Page, start_server, url_of
 from smartmesh_ros.tools.view.panel import CUT, chart_data
 
 
@@ -67,13 +73,9 @@ def test_sliders_can_stand_at_values_of_few_digits(low: float, length: float, sh
     assert step <= length / 100
 
 
-def test_a_small_number_has_the_digits_that_show_it() -> None:
+def test_a_small_number_has_the_digits_that_show_it(server: Any) -> None:
     """More than viser gives it."""
-    server = start_server("127.0.0.1", 0)
-    try:
-        shown = knobs()["physics.solver_residual"].add_to(server.gui)
-    finally:
-        stop_server(server)
+    shown = knobs()["physics.solver_residual"].add_to(server.gui)
     assert shown.value == float(f"{shown.value:.{shown.precision}f}") > 0.0
 
 
@@ -88,9 +90,7 @@ def test_a_text_that_is_no_list_is_refused_with_an_example() -> None:
 
 def timings_of(totals: list[float]) -> list[tuple[float, Timing]]:
     """Messages of ~/timing a second apart, with the medians of a step [ms]."""
-    stages = (
-        [StageTiming(stage="total", p50_us=1e3 * total), StageTiming(stage="step", p50_us=1.0)] for total in totals
-    )
+    stages = ([StageTiming(stage="total", p50_us=1e3 * one), StageTiming(stage="step", p50_us=1.0)] for one in totals)
     return [(float(at), Timing(stages=of_message)) for at, of_message in enumerate(stages)]
 
 
@@ -120,15 +120,11 @@ def test_every_kind_of_patch_has_a_colour_that_is_told_apart() -> None:
 @pytest.mark.parametrize(
     ("kind", "dimensions", "radius"),
     [
-        (BodyDescription.SPHERE, (0.5,), 0.5),
-        (BodyDescription.BOX, (0.2, 0.4, 0.6), 0.14**0.5),
-        (BodyDescription.CYLINDER, (0.8, 0.3), 0.5),
-        (BodyDescription.CAPSULE, (0.8, 0.3), 0.7),
+        (BodyDescription.SPHERE, (0.5,), 0.5), (BodyDescription.BOX, (0.2, 0.4, 0.6), 0.14**0.5),
+        (BodyDescription.CYLINDER, (0.8, 0.3), 0.5), (BodyDescription.CAPSULE, (0.8, 0.3), 0.7),
     ],
-)
-def test_shapes_are_closed_and_reach_as_far_as_their_radius(
-    kind: int, dimensions: tuple[float, ...], radius: float
-) -> None:
+)  # fmt: skip
+def test_shapes_are_closed_and_reach_to_their_radius(kind: int, dimensions: tuple[float, ...], radius: float) -> None:
     mesh = looks.shape_mesh(kind, dimensions)
     assert mesh.is_watertight
     assert np.allclose(mesh.centroid, 0.0, atol=1e-6)
@@ -150,3 +146,44 @@ def test_arrows_are_longer_for_larger_forces_and_never_too_long(forces: list[flo
     assert lengths.max() == pytest.approx(0.7)
     assert (np.diff(lengths[np.argsort(forces)]) >= -1e-12).all()
     assert len(looks.arrows(contacts_of([math.nan, 0.0, 5.0]), 1.0)) == 1, "those without a force have none"
+
+
+def test_a_page_is_refreshed_by_the_thread_that_sends_it(server: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From another thread, viser now and then failed with "deque mutated during iteration"."""
+    loops: list[Any] = []
+    page = Page.__new__(Page)
+    page._server = server
+
+    async def refresh(_: Page) -> None:
+        loops.append(asyncio.get_running_loop())
+
+    monkeypatch.setattr(Page, "_refresh", refresh)
+    page.refresh()
+    assert loops == [server.get_event_loop()]
+
+
+@pytest.mark.parametrize("host", ["203.0.113.1", "nowhere.invalid", "a..b"])
+def test_a_host_that_is_not_this_machine_is_refused(host: str) -> None:
+    """viser would wait forever."""
+    with pytest.raises(InputError, match=f"cannot listen on '{host}': .* name an address of this machine"):
+        start_server(host, 0)
+
+
+def test_addresses_are_those_of_a_browser() -> None:
+    assert url_of("0.0.0.0", 8080) == url_of("::", 8080) == url_of("", 8080) == "http://localhost:8080"
+    assert url_of("::1", 8080) == "http://[::1]:8080"
+
+
+def test_a_view_of_a_node_needs_no_matplotlib() -> None:
+    code = "import sys; sys.modules['matplotlib'] = None; from smartmesh_ros.tools.view import main, page"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=TIMEOUT)
+
+
+def test_an_option_that_means_nothing_is_named(domain: int, capsys: pytest.CaptureFixture[str]) -> None:
+    with Process("view", arguments=["--port", "0", "--node", "a b"]) as view:
+        assert view.process.wait(TIMEOUT) == 1
+        assert "view: " in view.output and "full name" in view.output and "Traceback" not in view.output
+    for option, value, words in (("--rate", "0", "'0' is no number from 1"), ("--port", "99999", "no whole number")):
+        with pytest.raises(SystemExit, match="2"):
+            main([option, value])
+        assert words in capsys.readouterr().err

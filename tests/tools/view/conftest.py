@@ -1,0 +1,24 @@
+"""Fixtures of the tests of the view."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+
+@pytest.fixture
+def server() -> Iterator[Any]:
+    """A viser server without a browser."""
+    pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")
+    from smartmesh_ros.tools.view.page import start_server, stop_server
+
+    made = start_server("127.0.0.1", 0)
+    yield made
+    stop_server(made)
+
+
+@pytest.fixture
+def drawn(server: Any) -> dict[str, Any]:
+    """What the server's scene shows, by path."""
+    handles: dict[str, Any] = server.scene._handle_from_node_name
+    return handles
