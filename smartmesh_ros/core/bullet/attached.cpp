@@ -55,13 +55,10 @@ void Attached::note_removed(int number) {
 }
 
 std::vector<int> Attached::find_gone(bool of_proxies) const {
-  std::vector<int> found;
-  for (std::size_t k = 0; gone_ > 0 && k < slots.size(); ++k) {
-    const bool is_gone = slots[k].body < 0;
-    if (slots[k].used && (of_proxies ? !is_gone && slots[k].lost_proxy() : is_gone))
-      found.push_back(static_cast<int>(k));
-  }
-  return found;
+  return where([&](const Slot& slot) {
+    const bool is_gone = slot.body < 0;
+    return slot.used && (of_proxies ? !is_gone && slot.lost_proxy() : is_gone);
+  });
 }
 
 void Attached::remove(int index) {

@@ -44,6 +44,14 @@ class Attached {
   // Notes that PyBullet removed a body, whose number another may get: what was attached of it is gone for good.
   void note_removed(int number);
   bool has_gone() const { return gone_ > 0; }
+  // Returns the slots for which `holds(slot)` is true.
+  template <class Holds>
+  std::vector<int> where(const Holds& holds) const {
+    std::vector<int> found;
+    for (std::size_t k = 0; k < slots.size(); ++k)
+      if (holds(slots[k])) found.push_back(static_cast<int>(k));
+    return found;
+  }
   // Returns the slots whose bodies were removed from PyBullet, or whose proxies were and the bodies were not.
   std::vector<int> find_gone(bool of_proxies) const;
   // Takes a slot out of use.

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include <BulletDynamics/Dynamics/btRigidBody.h>
 #include <BulletDynamics/Featherstone/btMultiBodyConstraint.h>
 #include <BulletDynamics/Featherstone/btMultiBodyDynamicsWorld.h>
 
@@ -55,8 +54,7 @@ void Sleep::note_rest() {
   const bool may_sleep = std::isfinite(rules_.after);
   attached_.list();
   for (int k : attached_.awake)
-    if (attached_.slots[k].body >= 0)
-      attached_.bodies[attached_.slots[k].body].still = std::numeric_limits<double>::infinity();
+    if (attached_.slots[k].body >= 0) attached_.bodies[attached_.slots[k].body].still = INFINITE;
   for (int k : attached_.awake) {
     Slot& slot = attached_.slots[k];
     if (slot.object == nullptr || slot.object->isStaticOrKinematicObject()) continue;

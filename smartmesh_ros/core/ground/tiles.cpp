@@ -2,15 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "ground/deck.h"
 
 namespace smartmesh {
 
 namespace {
-
-constexpr double NONE = std::numeric_limits<double>::quiet_NaN();
 
 // Layouts count in steps that no changes of tiles make up for.
 constexpr long NEW_LAYOUT = 1L << 32;
