@@ -19,11 +19,6 @@ Slot* Attached::slot_of(const btCollisionObject& proxy) {
   return &slots[static_cast<const GroundShape&>(shape).slot];
 }
 
-bool Attached::is_proxy_of(const btCollisionObject& proxy, const btCollisionObject& body) {
-  const Slot* slot = slot_of(proxy);
-  return slot != nullptr && slot->object == &body;
-}
-
 Slot* Attached::moving_slot(const AttachedBody& body) {
   for (int k : body.slots)
     if (slots[k].object != nullptr && !slots[k].object->isStaticOrKinematicObject()) return &slots[k];

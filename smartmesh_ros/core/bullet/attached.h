@@ -8,14 +8,14 @@
 namespace smartmesh {
 
 // What belongs to a PyBullet body: the `slots` of its attached links, and the slot that it is the proxy of, -1 = none.
-// `still` [s]: time for which all its slots are. `wanted`: it was asked to sleep. `driven`: somebody pushes it or
-// drives its joints. `supported`: something else bore it in the last step.
+// `still` [s]: time for which all its slots are. `driven`: somebody pushes it or drives its joints. `supported`:
+// something else bore it in the last step.
 struct AttachedBody {
   std::vector<int> slots;
   int proxy_of = -1;
   Sleeper sleeper;
   double still = 0.0;
-  bool wanted = false, driven = false, supported = false;
+  bool driven = false, supported = false;
 };
 
 class Attached {
@@ -32,7 +32,6 @@ class Attached {
   bool has_body(int number) const;
   // Returns the slot of a ground proxy; null of other objects.
   Slot* slot_of(const btCollisionObject& proxy);
-  bool is_proxy_of(const btCollisionObject& proxy, const btCollisionObject& body);
   // Returns the first link of a body that physics moves; null if there is none.
   Slot* moving_slot(const AttachedBody& body);
 

@@ -27,7 +27,8 @@ class GroundAlgorithm final : public btCollisionAlgorithm {
   void processCollision(const btCollisionObjectWrapper* a, const btCollisionObjectWrapper* b,
                         const btDispatcherInfo& info, btManifoldResult* result) override {
     const btCollisionObjectWrapper &body = swapped_ ? *b : *a, &ground = swapped_ ? *a : *b;
-    if (!world_->attached.is_proxy_of(*ground.getCollisionObject(), *body.getCollisionObject())) {
+    Slot* slot = world_->attached.slot_of(*ground.getCollisionObject());
+    if (slot == nullptr || slot->object != body.getCollisionObject()) {
       if (manifold_ != nullptr) manifold_->setNumContacts(0);
       return;
     }
@@ -37,7 +38,7 @@ class GroundAlgorithm final : public btCollisionAlgorithm {
     bool found = false;
     world_->guarded([&] {
       // A query before the world's first step has no time step.
-      world_->narrowphase.touch(*world_->attached.slot_of(*ground.getCollisionObject()), body, *manifold_,
+      world_->narrowphase.touch(*slot, body, *manifold_,
                                 info.m_timeStep > 0.0 ? info.m_timeStep : world_->now.duration);
       found = true;
     });

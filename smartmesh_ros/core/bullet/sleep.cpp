@@ -82,7 +82,7 @@ void Sleep::note_driven() {
       continue;
     AttachedBody& body = attached_.bodies[slot.body];
     body.driven = is_acted_on(*slot.object, gravity);
-    if (body.wanted && (body.driven || body.still < after)) wake(slot.body);
+    if (body.sleeper.before && (body.driven || body.still < after)) wake(slot.body);
   }
 }
 
@@ -142,7 +142,7 @@ void Sleep::put_resting_to_sleep() {
     const Slot& slot = attached_.slots[k];
     if (slot.object == nullptr || attached_.moving_slot(attached_.bodies[slot.body]) != &slot) continue;
     const AttachedBody& body = attached_.bodies[slot.body];
-    if (!body.wanted && body.still >= after && std::isfinite(body.still)) still.push_back(slot.body);
+    if (!body.sleeper.before && body.still >= after && std::isfinite(body.still)) still.push_back(slot.body);
   }
   if (still.empty()) return;
   find_supported();
@@ -151,7 +151,6 @@ void Sleep::put_resting_to_sleep() {
     btCollisionObject& object = *attached_.moving_slot(body)->object;
     if (!can_sleep(body) || sleeps(object)) continue;
     body.sleeper.before = let_sleep(object);
-    body.wanted = true;
   }
 }
 

@@ -36,7 +36,7 @@ void Sleep::wake(int body) {
     if (slot.object != nullptr && !slot.object->isStaticOrKinematicObject()) object = slot.object;
     if (slot.rest.asleep) note_awake(slot);
   }
-  it.still = 0.0, it.wanted = false;
+  it.still = 0.0;
   if (object != nullptr) {
     const bool slept = sleeps(*object);
     rouse(*object, it.sleeper.before, now_.world.getGravity());

@@ -30,9 +30,6 @@ struct GroundSample {
   double height = NONE;
   Vec3 normal, velocity;
   double age = NONE, friction = Material{}.friction;
-
-  // Returns true if there is ground, and none at an `other` height [m] that is as high; NaN = no ground there.
-  bool is_above(double other) const { return !(height <= other) && !std::isnan(height); }
 };
 
 // The height maps, the meshes and the decks of a terrain at one instant; `decks` is null if there are none.
