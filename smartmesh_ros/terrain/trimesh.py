@@ -44,7 +44,8 @@ class TriangleMesh(MovingGround):
         self.triangles = _checked_triangles(triangles, len(positions))
         # The mesh of the C++ core, whose memory the arrays are.
         self.core_reader: Any = CORE.Mesh(positions.T.copy(), self.triangles)
-        self._now, self._velocities = self.core_reader.vertices, self.core_reader.velocities
+        self._now: FloatArray = self.core_reader.vertices
+        self._velocities = self.core_reader.velocities
         self._offsets, self._rates = self.core_reader.offsets, self.core_reader.rates
         self._clocks = self.core_reader.clocks.view(CLOCK)[..., 0]
         self._clocks["time"] = time
