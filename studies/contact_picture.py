@@ -9,6 +9,7 @@ from matplotlib.patches import Circle
 
 from smartmesh_ros import HeightMap
 from smartmesh_ros.core import CORE
+from smartmesh_ros.core.body_shape import BodyShape
 
 OUT = Path("docs/images/contacts.png")
 SPACING, RADIUS = 0.1, 0.25  # [m]
@@ -25,7 +26,7 @@ def draw_facets(axes: Axes) -> None:
     rows = 9
     terrain = HeightMap(np.tile(heights, (rows, 1)), resolution=SPACING, origin=(0.0, -0.5 * SPACING * (rows - 1)))
     pose = np.vstack([np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]), WHEEL])  # its axis is y
-    wheel = CORE.Shape.cylinder(RADIUS, 0.05)
+    wheel = BodyShape.cylinder(RADIUS, 0.1)
     falls = np.array([[0.0, 0.0, -0.5], [0.0, 0.0, 0.0]])
     found = np.asarray(CORE.find_contacts(wheel, [terrain.core_reader], pose, falls, 1.0 / 240.0, 0.03))
     axes.plot(x, heights, "o-", color=GROUND, markersize=4, linewidth=1.0, alpha=0.5)

@@ -6,7 +6,6 @@ import importlib
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 try:
     CORE: Any = importlib.import_module("smartmesh_ros.core._core")
@@ -15,11 +14,6 @@ except ImportError as error:
         "the C++ core of smartmesh_ros is not built for this Python: run make, colcon build or pip install, with a C++ "
         "compiler (Debian: apt install g++ python3-dev)"
     ) from error
-
-
-def as_bytes(records: Any) -> NDArray[np.uint8]:
-    """Return records (...) as the core takes them: their bytes (..., size), not copied."""
-    return np.asarray(records.view(np.uint8).reshape(*records.shape, records.dtype.itemsize))
 
 
 def dtype_of(layout: Any) -> np.dtype[Any]:

@@ -156,7 +156,6 @@ class MapContacts:
     def forget(self) -> None:
         """Forget the past of all bodies: contacts, their impulses and order, rest. Poses and velocities stay."""
         self.require_client()
-        self.core.take_restored()
         self.core.forget()
 
     def require_client(self) -> None:

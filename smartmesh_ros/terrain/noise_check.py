@@ -20,43 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.grid_track import cells_moved, same_grid
 from smartmesh_ros.terrain.heightmap import HeightMap
 
-# Number of map samples per lattice point: the sample itself and its two neighbours in the row.
-STENCIL = 3
 # Mean absolute difference between the changes of two samples with noise of standard deviation one.
 MEAN_DIFFERENCE = math.sqrt(8.0 / math.pi)
-
-
-class Lattice(NamedTuple):
-    """About a hundred samples that measure changes from map to map, at the same cost for any map size. They keep their
-    positions in the world while a map scrolls by whole cells, and move with a map that slides.
-
-    State of the lattice points, a ring buffer of (n, m), for ``CORE.moved_as_one`` and ``CORE.compare_maps``.
-
-    The latter returns the median of the changes [m], and the numbers of points that are *known* in this map and the one
-    before; *changed* now and before; of these, *reversed*, with opposite signs; *tilted*, with changes that differ from
-    those of both neighbours; of these, *agreeing*, with differences of the same sign; and the *tilt* [m], the sum of
-    the differences to one neighbour.
-
-    ``cells`` (n, m, 2): row and column of each point in the lattice of the world. ``heights`` (n, m, STENCIL) [m]: last
-    heights there, NaN = unknown. ``steps`` (n, m) [m]: last change of each point, zero = none yet. ``stride``: distance
-    between lattice points along rows and columns [samples of the map].
-    """
-
-    cells: NDArray[np.int64]
-    heights: FloatArray
-    steps: FloatArray
-    stride: tuple[int, int]
-
-
-def lattice_of(shape: tuple[int, ...], samples: int) -> Lattice:
-    """Return an empty lattice for maps of ``shape`` (rows, columns), with about ``samples`` points along each side."""
-    rows, columns = (max(-(-size // samples), 1) for size in shape)
-    n, m = -(-shape[0] // rows) + 1, -(-shape[1] // columns) + 1  # one more if the map is not aligned
-    return Lattice(np.zeros((n, m, 2), np.int64), np.full((n, m, STENCIL), math.nan), np.zeros((n, m)), (rows, columns))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +99,7 @@ class NoiseCheck:
         self.findings = NO_FINDINGS
         self._time = self._last_found = -math.inf  # times of the last map and of the last detection [s]
         self._geometry: GridGeometry | None = None
-        self._lattice, self._first = lattice_of((0, 0), self.config.samples), (0, 0)
+        self._lattice, self._first = CORE.SampleLattice(0, 0, self.config.samples), (0, 0)
         self._maps, self._counts = 0.0, np.zeros(6)  # number of maps, and counts in them, both decaying
         self._noisy_since = math.inf  # [s]
         self._start = -math.inf  # time of the first map [s]
@@ -145,7 +114,7 @@ class NoiseCheck:
         if not self._follow(geometry, heights) or not 0.0 < interval <= motion.max_interval:
             self._restart(time)
         self._time = time
-        found, step = CORE.compare_maps(*self._lattice, *self._placed(geometry, heights))
+        found, step = self._lattice.compare(*self._placed(geometry, heights))
         fading = math.exp(-interval / self.config.memory)
         self._counts = fading * self._counts + found
         if not self._counts[0]:
@@ -162,11 +131,11 @@ class NoiseCheck:
         """Move the lattice to the position of a map; return False for a different grid, which gets a new lattice."""
         before, self._geometry = self._geometry, geometry
         if before is None or not same_grid(before, geometry):
-            self._lattice, self._first = lattice_of(heights.shape, self.config.samples), (0, 0)
+            self._lattice, self._first = CORE.SampleLattice(*heights.shape, self.config.samples), (0, 0)
             return False
         # The samples move with a map that slides or rotates, and with one that scrolls as its ground moves.
         moved = cells_moved(before, geometry) or (0, 0)
-        if moved != (0, 0) and not CORE.moved_as_one(*self._lattice, *self._placed(geometry, heights)):
+        if moved != (0, 0) and not self._lattice.moved_as_one(*self._placed(geometry, heights)):
             self._first = (self._first[0] + moved[0], self._first[1] + moved[1])
         return True
 
@@ -177,7 +146,7 @@ class NoiseCheck:
         self._new.clear()
         self._old.clear()
         self._last_found = -math.inf if self.findings == NO_FINDINGS else time
-        self._lattice.heights[...], self._lattice.steps[...] = math.nan, 0.0
+        self._lattice.forget()
 
     def _noise(self, time: float) -> float:
         """Return the standard deviation of the noise [m]; zero if noise is absent or has not lasted long enough."""

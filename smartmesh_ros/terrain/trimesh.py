@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from smartmesh_ros.core import CORE, as_bytes
+from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.checked_heights import checked_next_time, checked_time, unmasked
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples, ground_heights
-from smartmesh_ros.terrain.motion import CLOCK, INSTANT, KEPT, MotionConfig, MovingGround, checked_motion, next_revision
+from smartmesh_ros.terrain.motion import CLOCK, INSTANT, MotionConfig, MovingGround, checked_motion, next_revision
 from smartmesh_ros.terrain.state_file import filled
 
 
@@ -42,16 +42,13 @@ class TriangleMesh(MovingGround):
     ) -> None:
         time, positions = checked_time(time), _checked_vectors(vertices, None, "vertices")
         self.triangles = _checked_triangles(triangles, len(positions))
-        # (3, V), so that the search reads each coordinate contiguously.
-        self._now = positions.T.copy()
-        self._velocities = np.zeros((KEPT, *self._now.shape))  # ring buffer, see CLOCK
-        self._offsets, self._rates = np.zeros(self._now.shape), np.zeros(self._now.shape)
-        self._clocks = np.zeros(1, CLOCK)
+        # The mesh of the C++ core, whose memory the arrays are.
+        self.core_reader: Any = CORE.Mesh(positions.T.copy(), self.triangles)
+        self._now: FloatArray = self.core_reader.vertices
+        self._velocities = self.core_reader.velocities
+        self._offsets, self._rates = self.core_reader.offsets, self.core_reader.rates
+        self._clocks = self.core_reader.clocks.view(CLOCK)[..., 0]
         self._clocks["time"] = time
-        # The reader of this mesh in the C++ core.
-        self.core_reader: Any = CORE.Mesh(
-            self._now, self._velocities, self._offsets, self._rates, as_bytes(self._clocks), self.triangles
-        )
         self._motion = checked_motion(motion)
         self._set_motion()
         self.version = 0

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from smartmesh_ros import HeightMap
 from smartmesh_ros.core import _core
+from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.terrain.surfaces import facet_distances, mesh_of, triangles_of
 
@@ -94,7 +95,7 @@ class Body:
 def body_of_points(points: np.ndarray) -> Body:
     made = coal_hull(points)
     reach = float(np.linalg.norm(points, axis=1).max())
-    return Body(_core.Shape.hull(points, 0.0), made, made, reach, np.abs(points).max(axis=0))
+    return Body(BodyShape.hull(points, 0.0), made, made, reach, np.abs(points).max(axis=0))
 
 
 def body(name: str, size: float, rng: np.random.Generator) -> Body:
@@ -102,16 +103,17 @@ def body(name: str, size: float, rng: np.random.Generator) -> Body:
     a, b, c = (size * np.exp(rng.uniform(-1.2, 0.3, 3))).tolist()
     if name == "ball":
         made = coal.Sphere(a)
-        return Body(_core.Shape.ball(a), made, made, a, np.full(3, a))
+        return Body(BodyShape.ball(a), made, made, a, np.full(3, a))
     if name == "capsule":
         made = coal.Capsule(a, 2.0 * b)
-        return Body(_core.Shape.capsule(a, b), made, made, a + b, np.array([a, a, a + b]))
+        return Body(BodyShape.capsule(a, 2.0 * b), made, made, a + b, np.array([a, a, a + b]))
     if name == "box":
-        made = coal.Box(2.0 * a, 2.0 * b, 2.0 * c)
-        return Body(_core.Shape.box(a, b, c), made, made, float(np.hypot(np.hypot(a, b), c)), np.array([a, b, c]))
+        edges = (2.0 * a, 2.0 * b, 2.0 * c)
+        made = coal.Box(*edges)
+        return Body(BodyShape.box(edges), made, made, float(np.hypot(np.hypot(a, b), c)), np.array([a, b, c]))
     if name == "cylinder":
         deep = coal_hull(wheel(a, 2.0 * b, SIDES))
-        core = _core.Shape.cylinder(a, b)
+        core = BodyShape.cylinder(a, 2.0 * b)
         return Body(core, coal.Cylinder(a, 2.0 * b), deep, float(np.hypot(a, b)), np.array([a, a, b]))
     if name in ("lattice", "mesh"):
         points = (lattice() @ random_rotation(rng).T) if name == "lattice" else mesh()

@@ -18,11 +18,16 @@ BODIES, SLOTS = 3, 8  # of tables of shapes, and of other tables
 
 
 def mesh_arrays() -> Arguments:
-    return {
-        "vertices": np.arange(12.0).reshape(3, 4) ** 2, "velocities": np.ones((KEPT, 3, 4)),
-        "offsets": np.zeros((3, 4)), "rates": np.zeros((3, 4)),
-        "clock": clock_bytes(1, known=KEPT, newest=1, lifetime=1.0), "triangles": np.array([[0, 1, 2], [1, 2, 3]]),
-    }  # fmt: skip
+    return {"vertices": np.arange(12.0).reshape(3, 4) ** 2, "triangles": np.array([[0, 1, 2], [1, 2, 3]])}
+
+
+def new_mesh(**fields: float) -> Any:
+    """Return a mesh of the core that moves, with these fields in its clock."""
+    mesh = CORE.Mesh(**mesh_arrays())
+    mesh.velocities[...] = 1.0
+    mesh.clocks[...] = clock_bytes(1, **fields)
+    mesh.set_motion(1, 25.0, 0.0)
+    return mesh
 
 
 def deck() -> Any:
@@ -37,7 +42,7 @@ def pose() -> np.ndarray:
 
 
 def tiles() -> list[Any]:
-    return [new_grid(), CORE.Mesh(**mesh_arrays()), deck()]
+    return [new_grid(), new_mesh(known=KEPT, newest=1, lifetime=1.0), deck()]
 
 
 def floats(*shape: int) -> np.ndarray:
@@ -46,7 +51,7 @@ def floats(*shape: int) -> np.ndarray:
 
 def contacts() -> Arguments:
     return {
-        "shape": CORE.Shape.box(0.1, 0.1, 0.1), "tiles": [grid_of(floats(8, 8))],
+        "shape": BodyShape.box((0.2, 0.2, 0.2)), "tiles": [grid_of(floats(8, 8))],
         "pose": np.vstack([np.eye(3), [0.5, 0.5, 0.1]]), "motion": np.zeros((2, 3)), "duration": 0.004, "margin": 0.01,
     }  # fmt: skip
 
@@ -59,11 +64,12 @@ def vertices() -> Arguments:
     }  # fmt: skip
 
 
-def lattice() -> Arguments:
-    return {
-        "cells": np.zeros((8, 14, 2), np.int64), "last": np.zeros((8, 14, 3)), "steps": np.zeros((8, 14)),
-        "stride": (10, 10), "heights": floats(ROWS, COLUMNS), "z": 0.0, "first": (5, -7), "least": 0.001,
-    }  # fmt: skip
+def lattice() -> Any:
+    return CORE.SampleLattice(ROWS, COLUMNS, 10)
+
+
+def placed() -> Arguments:
+    return {"heights": floats(ROWS, COLUMNS), "z": 0.0, "first": (5, -7), "least": 0.001}
 
 
 def corrected() -> Any:
@@ -163,11 +169,6 @@ ENTRIES = {
     }, rows=("pressed",), within=tuple((name, ROWS * COLUMNS) for name in ("places", "nodes", "pressed"))),
     "Mesh": Entry(CORE.Mesh, mesh_arrays, rows=("triangles",), within=(("triangles", 4),), finite=("vertices",)),
     "set_layer": Entry(set_layer, lambda: {"samples": floats(ROWS, COLUMNS) + 1.0}, optional=("samples",)),
-    "hull": Entry(
-        lambda points: CORE.Shape.hull(points, 0.0),
-        lambda: {"points": np.random.default_rng(0).normal(size=(8, 3))},
-        rows=("points",),
-    ),
     "find_contacts": Entry(CORE.find_contacts, contacts, finite=("pose", "motion", "duration", "margin")),
     "ground_heights": Entry(CORE.ground_heights, lambda: {
         "tiles": tiles(), "points": np.ones((COUNT, 2)), "time": 0.0, "heights": np.zeros(COUNT),
@@ -222,13 +223,11 @@ ENTRIES = {
         "measured": floats(3, 4), "noises": floats(3, 4), "grown": 0.0, "gate_squared": 25.0,
     }, written=("heights", "variances")),
     "move_vertices": Entry(CORE.move_vertices, lambda: {
-        "mesh": CORE.Mesh(**mesh_arrays()), "chosen": np.array([0, 3]), "fresh": np.ones((3, 2)),
+        "mesh": new_mesh(known=KEPT, newest=1, lifetime=1.0), "chosen": np.array([0, 3]), "fresh": np.ones((3, 2)),
         "given": np.ones((3, 2)), "time": 0.1, "intervals": (0.004, 0.25),
     }, optional=("chosen", "given"), within=(("chosen", 4),), finite=("fresh",)),
-    "compare_maps": Entry(
-        CORE.compare_maps, lattice, written=("cells", "last", "steps"), any_shape=("heights",)
-    ),
-    "moved_as_one": Entry(CORE.moved_as_one, lattice, any_shape=("heights",)),
+    "compare": Entry(lambda **given: lattice().compare(**given), placed, any_shape=("heights",)),
+    "moved_as_one": Entry(lambda **given: lattice().moved_as_one(**given), placed, any_shape=("heights",)),
     "search_patches": Entry(search_patches, lambda: bodies() | {
         "always": np.ones(BODIES, bool), "owners": np.arange(BODIES), "time": 0.0},
         rows=("slots",), within=OF_SLOTS, finite=("time",)),

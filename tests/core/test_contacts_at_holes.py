@@ -5,6 +5,7 @@ import pytest
 
 from smartmesh_ros import HeightMap
 from smartmesh_ros.core import _core
+from smartmesh_ros.core.body_shape import BodyShape
 from tests.core.contact_cases import random_rotation, wheel
 
 RESOLUTION, DEPTH, MARGIN = 0.05, 1e-4, 1e-3
@@ -28,11 +29,11 @@ def test_no_contact_is_deeper_than_the_way_up(kind: str) -> None:
         rim = wheel(a, 2.0 * b, 12)
         across, along = np.hypot(turn[2, 0], turn[2, 1]), abs(turn[2, 2])
         shape, low = {
-            "ball": (_core.Shape.ball(a), a),
-            "capsule": (_core.Shape.capsule(a, b), a + b * along),
-            "box": (_core.Shape.box(a, b, c), float(np.abs(turn[2]) @ [a, b, c])),
-            "cylinder": (_core.Shape.cylinder(a, b), a * across + b * along),
-            "hull": (_core.Shape.hull(rim, 0.0), -float((rim @ turn[2]).min())),
+            "ball": (BodyShape.ball(a), a),
+            "capsule": (BodyShape.capsule(a, 2.0 * b), a + b * along),
+            "box": (BodyShape.box((2.0 * a, 2.0 * b, 2.0 * c)), float(np.abs(turn[2]) @ [a, b, c])),
+            "cylinder": (BodyShape.cylinder(a, 2.0 * b), a * across + b * along),
+            "hull": (BodyShape.hull(rim, 0.0), -float((rim @ turn[2]).min())),
         }[kind]
         pose = np.vstack([turn, [*rng.uniform(0.4, 0.75, 2), low - DEPTH]])
         motion = rng.normal(size=(2, 3)) * rng.choice([0.0, 1.0, 3.0])
@@ -51,9 +52,9 @@ def test_no_edge_overlaps_a_shape_by_more_than_its_width(kind: str) -> None:
         a, b, c = rng.uniform(0.02, 0.15, 3).tolist()
         turn = random_rotation(rng)
         shape, half, rounding = {
-            "capsule": (_core.Shape.capsule(a, b), np.array([0.0, 0.0, b]), a),
-            "box": (_core.Shape.box(a, b, c), np.array([a, b, c]), 0.0),
-            "cylinder": (_core.Shape.cylinder(a, b), np.array([a, 0.0, b]), 0.0),
+            "capsule": (BodyShape.capsule(a, 2.0 * b), np.array([0.0, 0.0, b]), a),
+            "box": (BodyShape.box((2.0 * a, 2.0 * b, 2.0 * c)), np.array([a, b, c]), 0.0),
+            "cylinder": (BodyShape.cylinder(a, 2.0 * b), np.array([a, 0.0, b]), 0.0),
         }[kind]
         pose = np.vstack([turn, [*rng.uniform(0.35, 0.45, 2), rng.uniform(-0.2, 0.1)]])
         ground = HeightMap(heights, resolution=0.1)

@@ -16,8 +16,8 @@ from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.ground.shapes import DIMENSIONS
 from smartmesh_ros.terrain.motion import CLOCK, INTERVALS_KEPT, KEPT
 from smartmesh_ros.world.state_table import LIMITS
-from tests.core.entries import COLUMNS, REFUSED, ROWS, clock_bytes, grid_of, new_grid
-from tests.core.functions import BODIES, COUNT, ENTRIES, bodies, contacts, faults, lattice, mesh_arrays
+from tests.core.entries import COLUMNS, REFUSED, ROWS, grid_of, new_grid
+from tests.core.functions import BODIES, COUNT, ENTRIES, bodies, contacts, faults, mesh_arrays, new_mesh, placed
 from tests.core.test_arguments import NO_TILES
 
 NAN, INF = np.nan, np.inf
@@ -40,7 +40,7 @@ def moving_grid(settle: float = 0.2, **clock: float) -> Any:
 def updated(entry: str, field: str, value: int) -> None:
     """Update a map or a mesh whose clock says so."""
     if entry == "move_vertices":
-        call(entry, mesh=CORE.Mesh(**mesh_arrays() | {"clock": clock_bytes(1, **{field: value})}))
+        call(entry, mesh=new_mesh(**{field: value}))
     else:
         call(entry, grid=moving_grid(**{field: value}))
 
@@ -50,7 +50,7 @@ def of_grid(method: str, *values: Any) -> object:
 
 
 PLACES = ((-1, 0), (0, -1), (68, 0), (0, 127), (2**62, 0), (0, 2**63 - 1), (-(2**63), 0), (2**64, 0))
-UPDATES, LATTICES = ("take_rectangle", "take_corrected", "move_vertices"), ("compare_maps", "moved_as_one")
+UPDATES, LATTICES = ("take_rectangle", "take_corrected", "move_vertices"), ("compare", "moved_as_one")
 CLOCKS = [*(("newest", n) for n in OUT_OF_CLOCK[:3]), *(("count", n) for n in (-1, INTERVALS_KEPT + 1, 2**62))]
 # Functions, and arguments that they refuse.
 WRONG: dict[Callable[..., Any], list[tuple[Any, ...]]] = {
@@ -63,13 +63,12 @@ WRONG: dict[Callable[..., Any], list[tuple[Any, ...]]] = {
     ],
     updated: [(entry, *wrong) for entry in UPDATES for wrong in CLOCKS],
     lambda name, key, value: call(name, **{key: value}): [
-        ("Mesh", "triangles", np.zeros((0, 3), np.int64)), ("hull", "points", np.zeros((0, 3))),
+        ("Mesh", "triangles", np.zeros((0, 3), np.int64)), ("BodyShape.hull", "points", np.zeros((0, 3))),
         *((entry, "first", place) for entry in ("take_rectangle", "take_corrected", "fuse") for place in PLACES),
         *((entry, "time", NAN) for entry in UPDATES),
         *(("take_corrected", "grid", moving_grid(settle)) for settle in (0.0, NAN)),
         ("cast", "origins", np.full((COUNT, 3), 1e10)),
         *(("cast", "directions", np.tile(way, (COUNT, 1))) for way in ((0.0, 0.0, 0.0), (0.0, 0.0, 2.0))),
-        *((entry, "stride", s) for entry in LATTICES for s in ((0, 1), (1, 0), (-1, 1), (2**62, 1), (1, 2**62))),
         *((entry, "first", place) for entry in LATTICES for place in ((2**63 - 1, 0), (0, -(2**63)), (2**53, 0))),
         *(("search_patches", "shapes", wrong) for wrong in ([], bodies()["shapes"][1:], [None] * BODIES, [1] * BODIES)),
         *(("shape_above_grid", "shape", shape) for shape in bodies()["shapes"][1:]),  # have no underside
@@ -77,6 +76,7 @@ WRONG: dict[Callable[..., Any], list[tuple[Any, ...]]] = {
     ],
     lambda tiles: CORE.Tiles().set_tiles(tiles): [(tiles,) for tiles in NO_TILES],
     CORE.Ground: [(-1,), (10**6,)],
+    CORE.SampleLattice: [(-1, 1, 1), (1, 2**62, 1), (1, 1, 0), (1, 1, 2**62)],
 }  # fmt: skip
 
 
@@ -151,11 +151,8 @@ def test_a_clock_that_names_no_velocity_reads_none(newest: int) -> None:
         grid.set_motion(1, 25.0, 0.2, noise, 0.0)
         assert grid.sample(3, 3, 0.5, 0.1) == (0.0, 0.0)
         assert not call("grid_window", grid=grid, time=0.5)["heights"].any()
-    mesh = CORE.Mesh(**mesh_arrays() | {"clock": clock_bytes(1, **fields)})
-    mesh.set_motion(1, 25.0, 0.0)
-    found = call(
-        "sample_mesh", mesh=mesh, indices=np.arange(4), positions=np.empty((4, 3)), velocities=np.empty((4, 3))
-    )
+    mesh, positions, velocities = new_mesh(**fields), np.empty((4, 3)), np.empty((4, 3))
+    found = call("sample_mesh", mesh=mesh, indices=np.arange(4), positions=positions, velocities=velocities)
     np.testing.assert_array_equal(found["positions"], mesh_arrays()["vertices"].T)
     assert not found["velocities"].any()
 
@@ -204,7 +201,7 @@ def test_contacts_of_extreme_numbers_do_no_harm(changes: dict[str, Any]) -> None
     "points", [np.zeros((1, 3)), np.zeros((9, 3)), np.outer(np.arange(5.0), [1.0, 2.0, 3.0]), np.eye(3)]
 )
 def test_contacts_of_hulls_without_volume_are_finite(points: np.ndarray) -> None:
-    found = CORE.find_contacts(**(contacts() | {"shape": CORE.Shape.hull(points, 0.01)}))
+    found = CORE.find_contacts(**(contacts() | {"shape": BodyShape.hull(points, 0.01)}))
     assert np.isfinite(found).all()
 
 
@@ -221,10 +218,12 @@ def test_questions_without_tiles_or_points_and_to_grids_of_any_size_anywhere_do_
 
 
 def test_a_lattice_may_be_smaller_than_the_map_and_does_not_know_points_that_are_too_far_away() -> None:
-    counts, _ = CORE.compare_maps(**(lattice() | {"stride": (1, 1)}))
+    lattice = CORE.SampleLattice(5, 5, 5)
+    for _ in range(2):
+        counts, _ = lattice.compare(**placed())
     assert counts[0] <= ROWS * COLUMNS
-    for cell in (2**40, 2**63 - 1, -(2**63)):
-        assert not CORE.moved_as_one(**(lattice() | {"cells": np.full((8, 14, 2), cell)}))
+    for first in (2**52, -(2**52)):
+        assert not lattice.moved_as_one(**(placed() | {"first": (first, first)}))
 
 
 @pytest.mark.parametrize("kind", [0, len(DIMENSIONS), 255])

@@ -186,7 +186,7 @@ def test_what_bounces_out_of_the_ground_is_no_faster_than_it_came(shape: Shape, 
 def test_a_rim_is_touched_wherever_its_samples_are(rise: float, yaw: float) -> None:
     """A plate leans over the rim of a plane, which rises to the rim and along it; its samples move along the rim."""
     cell, along = 0.25, 0.2
-    shape = _core.Shape.box(0.05, 0.05, 0.005)
+    shape = BodyShape.box((0.1, 0.1, 0.01))
     leans, turns = (tuple(pb.getQuaternionFromEuler(angles)) for angles in ((along, 0.1 - rise, 0.0), (0.0, 0.0, yaw)))
     turn = rotation(leans) @ rotation(turns)
     pose, still, found = np.vstack([turn, turn @ (0.0, 0.0, 0.003)]), np.zeros((2, 3)), []
@@ -250,8 +250,8 @@ CASES: dict[str, tuple[str, Shape, BodyState, float]] = {
 def test_neighbours_that_share_no_facet_are_apart(name: str) -> None:
     """Two parts of a map meet at one sample each: the contacts with both are those with each of them alone."""
     rng, still, touched = np.random.default_rng(len(name)), np.zeros((2, 3)), 0
-    ball, box = _core.Shape.ball(0.2), _core.Shape.box(0.2, 0.1, 0.05)
-    shape = {"ball": ball, "box": box, "capsule": _core.Shape.capsule(0.1, 0.2)}[name]
+    ball, box = BodyShape.ball(0.2), BodyShape.box((0.4, 0.2, 0.1))
+    shape = {"ball": ball, "box": box, "capsule": BodyShape.capsule(0.1, 0.4)}[name]
     rows, columns = np.mgrid[:12, :12]
     for _ in range(200):
         heights = rng.normal(scale=0.02, size=(12, 12))

@@ -9,6 +9,7 @@ import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, Sphere, Terrain, World
 from smartmesh_ros.core import CORE
+from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.terrain.grid import FloatArray
 from tests.ground.test_shown_patches import balls_on
 from tests.grounds import terrain_of, world_of
@@ -125,7 +126,7 @@ def test_features_at_a_seam_keep_their_names_while_the_body_moves() -> None:
         # A ball above a sample of the seam, in a window that is the larger the faster the ball goes along it.
         pose = np.vstack([np.eye(3), [0.0, 0.0, float(surface(np.float64(0.0), np.float64(0.0))) + 0.19]])
         motion = np.array([[60.0 * x, 0.0, 0.0], [0.0, 0.0, 0.0]])
-        found = CORE.find_contacts(CORE.Shape.ball(0.2), grids, pose, motion, 0.01, 0.02)
+        found = CORE.find_contacts(BodyShape.ball(0.2), grids, pose, motion, 0.01, 0.02)
         names |= {(round(float(row[0]), 6), round(float(row[1]), 6), row[8]) for row in found}
     assert names and len(names) == len({place[:2] for place in names})
 

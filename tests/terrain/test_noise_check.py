@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from smartmesh_ros import GridGeometry, HeightMap, MotionConfig
 from smartmesh_ros.core import CORE
-from smartmesh_ros.terrain.noise_check import NO_FINDINGS, Lattice, NoiseCheck
+from smartmesh_ros.terrain.noise_check import NO_FINDINGS, NoiseCheck
 from smartmesh_ros.tools.evaluation.grounds import make_ground
 from smartmesh_ros.tools.evaluation.scene import Scene, read_scenes
 from studies.matrix.arena import square
@@ -235,11 +235,9 @@ def test_counts_are_those_of_whole_arrays(seed: int, rows: int, columns: int) ->
     rng = np.random.default_rng(seed)
     maps = rng.normal(0.0, 0.01, (3, rows, columns)).astype(np.float32)
     maps[rng.random(maps.shape) < 0.1] = np.nan
-    lattice = Lattice(
-        np.zeros((rows, columns, 2), np.int64), np.full((rows, columns, 3), np.nan), np.zeros((rows, columns)), (1, 1)
-    )
+    lattice = CORE.SampleLattice(rows, columns, 9)
     for heights in maps:
-        found, step = CORE.compare_maps(*lattice, heights, 0.0, (0, 0), 0.002)
+        found, step = lattice.compare(heights, 0.0, (0, 0), 0.002)
     first, last = np.diff(maps.astype(np.float64), axis=0)
     both = (np.abs(first) >= 0.002) & (np.abs(last) >= 0.002)
     tilts = np.diff(last, axis=1)

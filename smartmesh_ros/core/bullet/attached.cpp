@@ -19,11 +19,6 @@ Slot* Attached::slot_of(const btCollisionObject& proxy) {
   return &slots[static_cast<const GroundShape&>(shape).slot];
 }
 
-bool Attached::is_proxy_of(const btCollisionObject& proxy, const btCollisionObject& body) {
-  const Slot* slot = slot_of(proxy);
-  return slot != nullptr && slot->object == &body;
-}
-
 Slot* Attached::moving_slot(const AttachedBody& body) {
   for (int k : body.slots)
     if (slots[k].object != nullptr && !slots[k].object->isStaticOrKinematicObject()) return &slots[k];
@@ -55,13 +50,10 @@ void Attached::note_removed(int number) {
 }
 
 std::vector<int> Attached::find_gone(bool of_proxies) const {
-  std::vector<int> found;
-  for (std::size_t k = 0; gone_ > 0 && k < slots.size(); ++k) {
-    const bool is_gone = slots[k].body < 0;
-    if (slots[k].used && (of_proxies ? !is_gone && slots[k].lost_proxy() : is_gone))
-      found.push_back(static_cast<int>(k));
-  }
-  return found;
+  return where([&](const Slot& slot) {
+    const bool is_gone = slot.body < 0;
+    return slot.used && (of_proxies ? !is_gone && slot.lost_proxy() : is_gone);
+  });
 }
 
 void Attached::remove(int index) {

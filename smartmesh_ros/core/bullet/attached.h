@@ -8,14 +8,14 @@
 namespace smartmesh {
 
 // What belongs to a PyBullet body: the `slots` of its attached links, and the slot that it is the proxy of, -1 = none.
-// `still` [s]: time for which all its slots are. `wanted`: it was asked to sleep. `driven`: somebody pushes it or
-// drives its joints. `supported`: something else bore it in the last step.
+// `still` [s]: time for which all its slots are. `driven`: somebody pushes it or drives its joints. `supported`:
+// something else bore it in the last step.
 struct AttachedBody {
   std::vector<int> slots;
   int proxy_of = -1;
   Sleeper sleeper;
   double still = 0.0;
-  bool wanted = false, driven = false, supported = false;
+  bool driven = false, supported = false;
 };
 
 class Attached {
@@ -32,7 +32,6 @@ class Attached {
   bool has_body(int number) const;
   // Returns the slot of a ground proxy; null of other objects.
   Slot* slot_of(const btCollisionObject& proxy);
-  bool is_proxy_of(const btCollisionObject& proxy, const btCollisionObject& body);
   // Returns the first link of a body that physics moves; null if there is none.
   Slot* moving_slot(const AttachedBody& body);
 
@@ -44,6 +43,14 @@ class Attached {
   // Notes that PyBullet removed a body, whose number another may get: what was attached of it is gone for good.
   void note_removed(int number);
   bool has_gone() const { return gone_ > 0; }
+  // Returns the slots for which `holds(slot)` is true.
+  template <class Holds>
+  std::vector<int> where(const Holds& holds) const {
+    std::vector<int> found;
+    for (std::size_t k = 0; k < slots.size(); ++k)
+      if (holds(slots[k])) found.push_back(static_cast<int>(k));
+    return found;
+  }
   // Returns the slots whose bodies were removed from PyBullet, or whose proxies were and the bodies were not.
   std::vector<int> find_gone(bool of_proxies) const;
   // Takes a slot out of use.

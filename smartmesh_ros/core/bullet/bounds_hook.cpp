@@ -3,8 +3,6 @@
 #include <BulletCollision/CollisionDispatch/btCollisionObject.h>
 #include <BulletDynamics/Dynamics/btDiscreteDynamicsWorld.h>
 
-#include "bullet/broadphase.h"
-
 namespace smartmesh {
 
 void BoundsHook::enter(btDiscreteDynamicsWorld& world) {

@@ -10,6 +10,9 @@ class btDiscreteDynamicsWorld;
 
 namespace smartmesh {
 
+// Height of what has no bounds, far below everything [m].
+constexpr double FAR_BELOW = -1e6;
+
 // The shape of an object that collides with nothing, and which is no body of PyBullet.
 class BoundsHook final : public btCollisionShape {
  public:

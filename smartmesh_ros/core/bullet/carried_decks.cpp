@@ -37,12 +37,9 @@ void CarriedDecks::move() {
     if (deck.body >= 0 && carried.object == nullptr) deck.motion.stop(now_.time);
     if (carried.object == nullptr) continue;
     const btTransform& pose = carried.object->getWorldTransform();
-    const btQuaternion q = pose.getRotation();
     const Vec3 arm = from_bullet(pose.getBasis() * to_bullet(deck.place.at));
-    FrameSample sample{now_.time,
-                       from_bullet(pose.getOrigin()) + arm,
-                       Quaternion{q.x(), q.y(), q.z(), q.w()} * deck.place.orientation,
-                       {}};
+    const auto [at, orientation] = body_pose(pose);
+    FrameSample sample{now_.time, at + arm, orientation * deck.place.orientation, {}};
     if (!carried.is_moved()) {
       deck.motion.note(sample);
       continue;

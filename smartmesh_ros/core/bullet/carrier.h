@@ -15,7 +15,8 @@ FrameVelocity velocity_of(const btCollisionObject& object);
 // along that vector [1/kg]; zero if it does not move by physics.
 double yield_of(const btCollisionObject& object, const Vec3& point, const Vec3& along);
 
-// Lets the robot of a link, if it is one's, know its inertia as it lies now, which else it knows from its last step.
+// Lets a body know its inertia as it lies now: a robot knows it from its last step, a rigid body from before PyBullet's
+// `restoreState`.
 void renew_inertia(btCollisionObject& object);
 
 // Applies an impulse [N s] at a point of a body or link that moves by physics, after a step of `duration` [s]: as if it

@@ -1,7 +1,6 @@
 #include "bullet/contact_points.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include <BulletCollision/CollisionDispatch/btManifoldResult.h>
 #include <BulletCollision/NarrowPhaseCollision/btPersistentManifold.h>
@@ -98,15 +97,18 @@ void tell_slide(const Vec3& slide, const Slip& slip, const Vec3& normal, const T
 
 }  // namespace
 
-void read_surface(const btCollisionObject& body, const btCollisionObject& ground, BodySurface& surface) {
+BodySurface surface_of(const btCollisionObject& body, const btCollisionObject& ground) {
+  BodySurface surface;
   surface.friction = {btManifoldResult::calculateCombinedFriction(&body, &ground),
                       btManifoldResult::calculateCombinedRollingFriction(&body, &ground),
                       btManifoldResult::calculateCombinedSpinningFriction(&body, &ground)};
   surface.restitution = btManifoldResult::calculateCombinedRestitution(&body, &ground);
   surface.is_soft = body.getCollisionFlags() & btCollisionObject::CF_HAS_CONTACT_STIFFNESS_DAMPING;
-  if (!surface.is_soft) return;
-  surface.stiffness = btManifoldResult::calculateCombinedContactStiffness(&body, &ground);
-  surface.damping = btManifoldResult::calculateCombinedContactDamping(&body, &ground);
+  if (surface.is_soft) {
+    surface.stiffness = btManifoldResult::calculateCombinedContactStiffness(&body, &ground);
+    surface.damping = btManifoldResult::calculateCombinedContactDamping(&body, &ground);
+  }
+  return surface;
 }
 
 void read_contacts(const btPersistentManifold& manifold, std::vector<OldContact>& before) {
@@ -157,11 +159,6 @@ void write_contacts(const std::vector<Contact>& contacts, const std::vector<Cont
     point.m_lifeTime = 1;
   }
   manifold.setNumContacts(count);
-}
-
-void restore(const TruePoint& told) {
-  told.point->m_distance1 = told.distance;
-  told.point->m_positionWorldOnA = told.on_a, told.point->m_positionWorldOnB = told.on_b;
 }
 
 }  // namespace smartmesh

@@ -17,8 +17,8 @@ namespace smartmesh {
 // Reads the contacts of the last step and their impulses.
 void read_contacts(const btPersistentManifold& manifold, std::vector<OldContact>& before);
 
-// Reads what Bullet knows of a body's surface on its ground.
-void read_surface(const btCollisionObject& body, const btCollisionObject& ground, BodySurface& surface);
+// Returns what Bullet knows of a body's surface on its ground.
+BodySurface surface_of(const btCollisionObject& body, const btCollisionObject& ground);
 
 // A body and its ground proxy in a step. `duration` [s]; `slop` [m]: depth that the solver leaves; `anchor_time` [s]:
 // in which the solver's friction closes a distance.
@@ -44,8 +44,5 @@ struct TruePoint {
 void write_contacts(const std::vector<Contact>& contacts, const std::vector<ContactRow>& rows,
                     const std::vector<OldContact>& before, const Touching& touching, btPersistentManifold& manifold,
                     std::vector<TruePoint>& told);
-
-// Writes what is true of a point, for those who read it after the step.
-void restore(const TruePoint& told);
 
 }  // namespace smartmesh

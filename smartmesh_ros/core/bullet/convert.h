@@ -1,14 +1,9 @@
 // Between Bullet's types and the core's.
 #pragma once
 
-#include <optional>
-
 #include <LinearMath/btTransform.h>
 
-#include "shape/convex.h"
 #include "shape/solid.h"
-
-class btConvexShape;
 
 namespace smartmesh {
 
@@ -22,9 +17,5 @@ inline BodyPose body_pose(const btTransform& t) {
   const btQuaternion q = t.getRotation();
   return {from_bullet(t.getOrigin()), {q.x(), q.y(), q.z(), q.w()}};
 }
-
-// Returns the shape that Bullet collides, with its margin, rotated by `orientation` in Bullet's frame of it; none if
-// its kind is not known here.
-std::optional<Convex> convex_of(const btConvexShape& shape);
 
 }  // namespace smartmesh

@@ -4,9 +4,10 @@
 
 namespace smartmesh {
 
-Falls check_falls(const Instant& now, Attached& attached, double time, double depth) {
+std::pair<std::vector<int>, std::vector<int>> check_falls(const Instant& now, Attached& attached, double time,
+                                                          double depth) {
   attached.find_objects();
-  Falls found;
+  std::vector<int> begun, lost;
   GroundReader reader = now.terrain->reader(time, INSTANT);
   for (const AttachedBody& body : attached.bodies) {
     for (int k : body.slots) {
@@ -19,30 +20,20 @@ Falls check_falls(const Instant& now, Attached& attached, double time, double de
       const double under = slot.last_ground.z - at.z;
       const bool fell = slot.falls;
       slot.falls = !is_over && under > slot.body_shape->radius;
-      if (slot.falls && !fell) found.begun.push_back(k);
-      if (!is_over && under > depth) found.lost.push_back(k);  // one below ground is put back onto it
-      break;                                                   // of a robot, its first link counts
+      if (slot.falls && !fell) begun.push_back(k);
+      if (!is_over && under > depth) lost.push_back(k);  // one below ground is put back onto it
+      break;                                             // of a robot, its first link counts
     }
   }
-  return found;
-}
-
-std::vector<int> find_falling(const Attached& attached) {
-  std::vector<int> found;
-  for (std::size_t k = 0; k < attached.slots.size(); ++k)
-    if (attached.slots[k].falls) found.push_back(static_cast<int>(k));
-  return found;
+  return {begun, lost};
 }
 
 std::vector<int> find_nowhere(const Attached& attached, double farthest) {
-  std::vector<int> found;
-  for (std::size_t k = 0; k < attached.slots.size(); ++k) {
-    const Slot& slot = attached.slots[k];
-    if (slot.object == nullptr || slot.rest.asleep) continue;
+  return attached.where([&](const Slot& slot) {
+    if (slot.object == nullptr || slot.rest.asleep) return false;
     const btVector3 away = slot.object->getWorldTransform().getOrigin().absolute();
-    if (!(away.x() <= farthest && away.y() <= farthest && away.z() <= farthest)) found.push_back(static_cast<int>(k));
-  }
-  return found;
+    return !(away.x() <= farthest && away.y() <= farthest && away.z() <= farthest);
+  });
 }
 
 }  // namespace smartmesh

@@ -1,8 +1,6 @@
 // Sleeping bodies move with corrections of the ground under them that do not wake them.
 #include <cmath>
 
-#include <BulletDynamics/Dynamics/btRigidBody.h>
-
 #include "bullet/sleep.h"
 
 namespace smartmesh {

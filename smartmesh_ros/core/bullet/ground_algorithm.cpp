@@ -3,7 +3,6 @@
 #include <new>
 
 #include <BulletCollision/BroadphaseCollision/btCollisionAlgorithm.h>
-#include <BulletCollision/CollisionDispatch/btCollisionCreateFunc.h>
 #include <BulletCollision/CollisionDispatch/btCollisionDispatcher.h>
 #include <BulletCollision/CollisionDispatch/btCollisionObjectWrapper.h>
 #include <BulletCollision/CollisionDispatch/btManifoldResult.h>
@@ -28,7 +27,8 @@ class GroundAlgorithm final : public btCollisionAlgorithm {
   void processCollision(const btCollisionObjectWrapper* a, const btCollisionObjectWrapper* b,
                         const btDispatcherInfo& info, btManifoldResult* result) override {
     const btCollisionObjectWrapper &body = swapped_ ? *b : *a, &ground = swapped_ ? *a : *b;
-    if (!world_->attached.is_proxy_of(*ground.getCollisionObject(), *body.getCollisionObject())) {
+    Slot* slot = world_->attached.slot_of(*ground.getCollisionObject());
+    if (slot == nullptr || slot->object != body.getCollisionObject()) {
       if (manifold_ != nullptr) manifold_->setNumContacts(0);
       return;
     }
@@ -38,8 +38,8 @@ class GroundAlgorithm final : public btCollisionAlgorithm {
     bool found = false;
     world_->guarded([&] {
       // A query before the world's first step has no time step.
-      world_->touch(body, *ground.getCollisionObject(), *manifold_,
-                    info.m_timeStep > 0.0 ? info.m_timeStep : world_->now.duration);
+      world_->narrowphase.touch(*slot, body, *manifold_,
+                                info.m_timeStep > 0.0 ? info.m_timeStep : world_->now.duration);
       found = true;
     });
     if (!found) manifold_->setNumContacts(0);
@@ -59,21 +59,6 @@ class GroundAlgorithm final : public btCollisionAlgorithm {
   btPersistentManifold* manifold_ = nullptr;
 };
 
-}  // namespace
-
-struct CreateGroundAlgorithm final : btCollisionAlgorithmCreateFunc {
-  CreateGroundAlgorithm(BulletWorld* of, bool is_swapped) : world(of) { m_swapped = is_swapped; }
-  btCollisionAlgorithm* CreateCollisionAlgorithm(btCollisionAlgorithmConstructionInfo& info,
-                                                 const btCollisionObjectWrapper*,
-                                                 const btCollisionObjectWrapper*) override {
-    void* memory = info.m_dispatcher1->allocateCollisionAlgorithm(sizeof(GroundAlgorithm));
-    return new (memory) GroundAlgorithm(info, world, m_swapped);
-  }
-  BulletWorld* world;
-};
-
-namespace {
-
 // The dispatcher's table of contacts, which only derived classes may write without Bullet's own library.
 struct Tables : btCollisionDispatcher {
   auto& of(int kind, int other) { return m_doubleDispatchContactPoints[kind][other]; }
@@ -85,21 +70,20 @@ Tables& tables_of(const btDiscreteDynamicsWorld& world) {
 
 }  // namespace
 
-GroundAlgorithms::GroundAlgorithms(BulletWorld* ground)
-    : straight_(std::make_unique<CreateGroundAlgorithm>(ground, false)),
-      swapped_(std::make_unique<CreateGroundAlgorithm>(ground, true)) {}
+btCollisionAlgorithm* GroundAlgorithms::CreateCollisionAlgorithm(btCollisionAlgorithmConstructionInfo& info,
+                                                                 const btCollisionObjectWrapper* a,
+                                                                 const btCollisionObjectWrapper*) {
+  void* memory = info.m_dispatcher1->allocateCollisionAlgorithm(sizeof(GroundAlgorithm));
+  return new (memory) GroundAlgorithm(info, ground_, a->getCollisionShape()->getShapeType() == GROUND_SHAPE_TYPE);
+}
 
-GroundAlgorithms::~GroundAlgorithms() = default;
-
-void GroundAlgorithms::enter(btDiscreteDynamicsWorld& world) const {
-  for (int kind : CONVEX_KINDS) {
-    tables_of(world).of(kind, GROUND_SHAPE_TYPE) = straight_.get();
-    tables_of(world).of(GROUND_SHAPE_TYPE, kind) = swapped_.get();
-  }
+void GroundAlgorithms::enter(btDiscreteDynamicsWorld& world) {
+  for (int kind : CONVEX_KINDS)
+    tables_of(world).of(kind, GROUND_SHAPE_TYPE) = tables_of(world).of(GROUND_SHAPE_TYPE, kind) = this;
 }
 
 bool GroundAlgorithms::are_in(const btDiscreteDynamicsWorld& world) const {
-  return tables_of(world).of(CONVEX_KINDS[0], GROUND_SHAPE_TYPE) == straight_.get();
+  return tables_of(world).of(CONVEX_KINDS[0], GROUND_SHAPE_TYPE) == this;
 }
 
 }  // namespace smartmesh

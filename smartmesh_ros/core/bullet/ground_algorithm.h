@@ -1,25 +1,27 @@
 // Bullet's collision algorithm between convex shapes and the ground.
 #pragma once
 
-#include <memory>
+#include <BulletCollision/CollisionDispatch/btCollisionCreateFunc.h>
 
 class btDiscreteDynamicsWorld;
 
 namespace smartmesh {
 
 class BulletWorld;
-struct CreateGroundAlgorithm;
 
 // Lets the dispatcher of a Bullet world ask a ground for contacts with its proxies. Must live as long as that world.
-class GroundAlgorithms {
+class GroundAlgorithms final : public btCollisionAlgorithmCreateFunc {
  public:
-  explicit GroundAlgorithms(BulletWorld* ground);
-  ~GroundAlgorithms();
-  void enter(btDiscreteDynamicsWorld& world) const;
+  explicit GroundAlgorithms(BulletWorld* ground) : ground_(ground) {}
+  void enter(btDiscreteDynamicsWorld& world);
   bool are_in(const btDiscreteDynamicsWorld& world) const;
 
+  btCollisionAlgorithm* CreateCollisionAlgorithm(btCollisionAlgorithmConstructionInfo& info,
+                                                 const btCollisionObjectWrapper* a,
+                                                 const btCollisionObjectWrapper* b) override;
+
  private:
-  std::unique_ptr<CreateGroundAlgorithm> straight_, swapped_;  // body first, ground first
+  BulletWorld* ground_;
 };
 
 }  // namespace smartmesh

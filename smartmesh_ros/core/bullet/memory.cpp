@@ -74,10 +74,4 @@ bool recall_parts(Slot& slot, const SoilInStep* soil, const double* numbers, std
   return true;
 }
 
-void take_restored(btDiscreteDynamicsWorld& world) {
-  auto& objects = world.getCollisionObjectArray();
-  for (int k = 0; k < objects.size(); ++k)
-    if (auto* body = btRigidBody::upcast(objects[k])) body->setCenterOfMassTransform(body->getWorldTransform());
-}
-
 }  // namespace smartmesh

@@ -23,7 +23,4 @@ void recall(Slot& slot, const SlotMemory& memory);
 std::vector<double> parts_memory(const Slot& slot, const SoilInStep* soil);
 bool recall_parts(Slot& slot, const SoilInStep* soil, const double* numbers, std::size_t count);
 
-// Does what PyBullet's `restoreState` leaves out: inertias of rigid bodies as they are turned now.
-void take_restored(btDiscreteDynamicsWorld& world);
-
 }  // namespace smartmesh

@@ -1,10 +1,8 @@
 #include "bullet/moved_bodies.h"
 
 #include <cmath>
-#include <limits>
 #include <map>
 
-#include "step/below_ground.h"
 #include "step/correction.h"
 
 namespace smartmesh {
@@ -13,6 +11,7 @@ namespace {
 
 // Largest horizontal speed on the ground that a body keeps that is put back onto it [m/s].
 constexpr double FASTEST_RESCUED = 5.0;
+const GroundPoint NO_GROUND{NONE, {}};
 
 // Returns true if the base of a body has no mass, so that physics does not move it.
 bool is_fixed(btCollisionObject& object) {
@@ -87,25 +86,35 @@ std::vector<bool> find_touching(const Instant& now, Attached& attached) {
   return found;
 }
 
+// Returns the ground above a point `inside` a part of a PyBullet `body` at the instant of `reader`; height NaN if the
+// point is not below the ground, beside the decks that the body carries. Ground of meshes above the point counts only
+// where there is none below it. The centre of mass of a link is no measure, nor is the middle of what bounds it: they
+// may be beside the link's shape, and below the ground without harm.
+GroundPoint ground_above(GroundReader& reader, const Vec3& inside, int body) {
+  if (!std::isfinite(inside.x + inside.y + inside.z)) return NO_GROUND;
+  GroundPoint ground = reader.at(inside.x, inside.y, inside.z, inside.z, body);
+  if (std::isnan(ground.height)) ground = reader.at(inside.x, inside.y, ABOVE_ALL, inside.z, body);
+  return inside.z < ground.height ? ground : NO_GROUND;
+}
+
 // Returns the ground above the middles of all parts of a body, NaN if there is none. What has a part above the ground
 // is not below it: it may stand astride. In ground that gives a part is above it as long as any point of the body is;
 // soil is as deep as it was pressed there.
 GroundPoint ground_above_all_parts(const Instant& now, const Slot& it, GroundReader& reader) {
-  const GroundPoint none{std::numeric_limits<double>::quiet_NaN(), {}};
   const Pose pose = from_bullet(it.object->getWorldTransform());
-  GroundPoint highest{-std::numeric_limits<double>::infinity(), {}};
+  GroundPoint highest{-INFINITE, {}};
   for (const ShapePart& part : it.body_shape->parts) {
     const Vec3 inside = pose.to_world(part.inside);
     GroundPoint ground = ground_above(reader, inside, it.body);
     if (std::isnan(ground.height)) return ground;
     if (now.soil != nullptr) ground.height -= now.soil->below_map(inside, now.time);
-    if (!(inside.z < ground.height)) return none;
+    if (!(inside.z < ground.height)) return NO_GROUND;
     if (ground.height > highest.height) highest = ground;
   }
   const BodyPose at = body_pose(it.object->getWorldTransform());
   if (now.terrain->has_material() && -it.body_shape->lowest(at, {0.0, 0.0, -1.0}) > highest.height &&
       now.terrain->material(at.at.x, at.at.y, now.time).gives())
-    return none;
+    return NO_GROUND;
   return highest;
 }
 
@@ -158,12 +167,9 @@ void move_with_corrections(const Instant& now, Attached& attached) {
 std::vector<int> find_below(const Instant& now, Attached& attached) {
   attached.find_objects();
   GroundReader reader = now.terrain->reader(now.time, INSTANT);
-  std::vector<int> found;
-  for (int k = 0; k < static_cast<int>(attached.slots.size()); ++k) {
-    if (!attached.slots[k].kind.is_own || attached.slots[k].object == nullptr) continue;
-    if (!std::isnan(ground_above_all_parts(now, attached.slots[k], reader).height)) found.push_back(k);
-  }
-  return found;
+  return attached.where([&](const Slot& slot) {
+    return slot.kind.is_own && slot.object != nullptr && !std::isnan(ground_above_all_parts(now, slot, reader).height);
+  });
 }
 
 std::vector<int> lift_bodies(const Instant& now, Attached& attached, const std::vector<int>& slots) {

@@ -2,7 +2,6 @@
 
 #include <BulletCollision/CollisionDispatch/btCollisionObjectWrapper.h>
 
-#include "bullet/bodies_on_soil.h"
 #include "bullet/shape_parts.h"
 #include "contact/foundation.h"
 
@@ -32,7 +31,7 @@ void Narrowphase::touch(Slot& slot, const btCollisionObjectWrapper& part, btPers
   if (!slot.decks.empty()) find_on_decks(slot, *shape, pose, step);
   if (on_decks_.empty() && now_.soil != nullptr && now_.soil->is_under(pose.at, now_.time)) {
     SoilPart& pressing = slot.on_soil[slot.part_number(*part.getCollisionShape())];
-    now_.soil->touch(*shape, pose, on_soil(now_, attached_, slot, step, step), before_, pressing, contacts_, rows_);
+    now_.soil->touch(*shape, pose, on_soil(slot, step, step), before_, pressing, contacts_, rows_);
   } else {
     touch_ground(slot, *shape, pose, approach, pull);
   }
@@ -44,13 +43,13 @@ void Narrowphase::touch(Slot& slot, const btCollisionObjectWrapper& part, btPers
     // Bullet's anisotropic friction acts against velocities alone.
     static const std::vector<OldContact> NONE;
     const auto& before = slot.object->hasAnisotropicFriction() ? NONE : before_;
-    find_slips(contacts_, before, approach, {pull, slot.pull, mass_of(*slot.object)}, rows_);
+    find_slips(contacts_, before, approach, pull, slot.pull, mass_of(*slot.object), rows_);
     slot.pull = pull;
   }
   const bool ground_is_b = manifold.getBody0() == slot.object;
   const double slop = now_.world.getSolverInfo().m_linearSlop;
   write_contacts(contacts_, rows_, before_, {*slot.object, *slot.ground, ground_is_b, step, slop, anchor_time(step)},
-                 manifold, told_);
+                 manifold, told);
 }
 
 void Narrowphase::touch_ground(const Slot& slot, const Convex& shape, const Pose& pose, const Approach& approach,
@@ -65,8 +64,7 @@ void Narrowphase::touch_ground(const Slot& slot, const Convex& shape, const Pose
   if (has_material)
     for (Contact& contact : contacts_)
       if (contact.deck < 0) contact.material = now_.terrain->material(contact.point.x, contact.point.y, now_.time);
-  BodySurface own;
-  read_surface(*slot.object, *slot.ground, own);
+  BodySurface own = surface_of(*slot.object, *slot.ground);
   if (slot.belt.speed != 0.0) own.belt = slot.belt_axis(), own.mass = mass_of(*slot.object);
   const btContactSolverInfo& solver = now_.world.getSolverInfo();
   find_rows(contacts_, approach, own, {solver.m_erp2, solver.m_linearSlop, solver.m_restitutionVelocityThreshold},
@@ -109,9 +107,43 @@ std::optional<Contact> Narrowphase::deepest_contact(Slot& slot) {
   return deepest;
 }
 
+// A robot rests on those of its links alike that touched the soil in the last step.
+OnSoil Narrowphase::on_soil(const Slot& slot, double step, double ahead) const {
+  int count = 0;
+  for (int k : attached_.bodies[slot.body].slots)
+    for (const auto& [number, part] : attached_.slots[k].on_soil)
+      count += now_.soil->was_near(part) && !part.up.empty();
+  OnSoil found;
+  found.pose = from_bullet(slot.object->getWorldTransform());
+  found.soil = now_.soil->motion_around(found.pose.at, slot.rest.radius, now_.time, ahead);
+  found.approach.centre = found.pose.at;
+  found.approach.linear = slot.linear - found.soil.velocity_at(found.pose.at);
+  found.approach.angular = slot.angular - found.soil.angular;
+  found.approach.duration = step;
+  found.approach.gravity = from_bullet(now_.world.getGravity());
+  if (slot.belt.speed != 0.0) found.belt = slot.belt_axis();
+  found.mass = mass_of(*slot.object) / std::max(count, 1);
+  found.time = now_.time;
+  return found;
+}
+
+void Narrowphase::press_soil() {
+  if (now_.soil == nullptr) return;
+  for (Slot& slot : attached_.slots) {
+    if (slot.on_soil.empty() || slot.object == nullptr || slot.ground == nullptr) continue;
+    if (!slot.object->isActive()) continue;
+    slot.read_velocity();
+    now_.soil->press(on_soil(slot, now_.duration, -now_.duration), slot.on_soil);
+  }
+  now_.soil->next();
+}
+
 void Narrowphase::restore_told() {
-  for (const TruePoint& point : told_) restore(point);
-  told_.clear();
+  for (const TruePoint& it : told) {
+    it.point->m_distance1 = it.distance;
+    it.point->m_positionWorldOnA = it.on_a, it.point->m_positionWorldOnB = it.on_b;
+  }
+  told.clear();
 }
 
 double Narrowphase::anchor_time(double step) const {

@@ -22,16 +22,20 @@ class Narrowphase {
   // Returns the deepest contact of the body in a slot with the ground now; none if it does not touch it.
   std::optional<Contact> deepest_contact(Slot& slot);
 
-  // The points of this step, where the solver was told something else than what is true.
-  const std::vector<TruePoint>& told() const { return told_; }
+  // Presses the soil, if there is any, to where the awake bodies are at the end of a step.
+  void press_soil();
+
+  std::vector<TruePoint> told;  // points of this step, where the solver was told something else than what is true
   // Writes what is true of them, for those who read it after the step.
   void restore_told();
-  void forget_told() { told_.clear(); }
 
  private:
   Approach approach_of(const Slot& slot, double step) const;
   // Returns the time in which the solver's friction closes a distance [s].
   double anchor_time(double step) const;
+  // Returns the body in a slot as the soil, which there must be, sees it now, in a step of some duration [s]; `ahead`:
+  // as in `motion_around`.
+  OnSoil on_soil(const Slot& slot, double step, double ahead) const;
   void find_on_decks(const Slot& slot, const Convex& shape, const Pose& pose, double step);
   // Finds the contacts and their rows with ground that is no soil.
   void touch_ground(const Slot& slot, const Convex& shape, const Pose& pose, const Approach& approach,
@@ -43,7 +47,6 @@ class Narrowphase {
   std::vector<Contact> contacts_, on_decks_;
   std::vector<OldContact> before_;
   std::vector<ContactRow> rows_;
-  std::vector<TruePoint> told_;
   ContactSearch search_;
   DeckSearch deck_search_;
   Seams seams_;

@@ -1,19 +1,58 @@
 // Entry points of PyBullet's plugin interface. `p.loadPlugin(path, "_smartmesh")` finds them by name.
+#include <malloc.h>
+
+#include <algorithm>
+#include <iterator>
 #include <memory>
 #include <random>
 #include <unordered_map>
+#include <vector>
 
+#include <examples/CommonInterfaces/CommonGUIHelperInterface.h>
 #include <examples/SharedMemory/PhysicsCommandProcessorInterface.h>
 #include <examples/SharedMemory/SharedMemoryPublic.h>
 #include <examples/SharedMemory/plugins/b3PluginContext.h>
 
-#include "bullet/server_world.h"
 #include "bullet/world.h"
 #include "step/step_lock.h"
 
 namespace smartmesh {
 
 namespace {
+
+// Where a server keeps its world. `resetSimulation` writes another world there, the end of the client null.
+using WorldPlace = btDiscreteDynamicsWorld* const volatile*;
+
+// A server hands its world to the helper for graphics that it is given.
+struct WorldCatcher final : DummyGUIHelper {
+  btDiscreteDynamicsWorld* world = nullptr;
+  void createPhysicsDebugDrawer(btDiscreteDynamicsWorld* found) override { world = found; }
+};
+
+// The members of PhysicsServerCommandProcessor, all of whose data is in one allocation.
+struct Server {
+  void* functions;
+  void** data;
+};
+
+// Returns the place of a server's world, whether the server has a window or not; null if the server's memory is laid
+// out otherwise. Call it from the server's thread.
+WorldPlace world_place(PhysicsCommandProcessorInterface& server) {
+  static auto* catcher = new WorldCatcher();  // never freed: the thread of a window may just be calling it
+  void** data = reinterpret_cast<Server&>(server).data;
+  void** end = data + malloc_usable_size(data) / sizeof(void*);
+  const std::vector<void*> before(data, end);
+  server.setGuiHelper(catcher);
+  // The server's own helper, which draws its window, is where the catcher is now, and is put back.
+  const void* caught = static_cast<GUIHelperInterface*>(catcher);
+  void** helper = data;
+  while (helper != end && (*helper != caught || before[helper - data] == caught)) ++helper;
+  if (helper == end) return nullptr;
+  *static_cast<void* volatile*>(helper) = before[helper - data];
+  // The world is kept in front of the helper. Memory farther away may hold the same address, left by another server.
+  const auto place = std::find(std::reverse_iterator(helper), std::reverse_iterator(data), catcher->world);
+  return place.base() == data ? nullptr : reinterpret_cast<WorldPlace>(place.base() - 1);
+}
 
 // A client, the place of its server's world, and the ground in that world; null if there is none.
 struct Client {

@@ -1,7 +1,6 @@
 // What is known of bodies at rest: for how long they are still, and what a sleeping one fell asleep on.
 #pragma once
 
-#include <limits>
 #include <optional>
 #include <vector>
 
@@ -13,7 +12,7 @@ namespace smartmesh {
 // When bodies fall asleep and wake, as SleepConfig in ground/config.py. `after` [s]: on Earth; infinity = nobody
 // sleeps.
 struct SleepRules {
-  double after = std::numeric_limits<double>::infinity();
+  double after = INFINITE;
   double distance = 1e-3;                  // [m]
   double joint = 0.02;                     // [rad/s, m/s]
   Tolerance tolerance{2.5e-4, 3.0, 5e-3};  // of changes of the ground
@@ -23,7 +22,7 @@ struct SleepRules {
 // `still` [s]. Asleep it has a `pose`, and `bounds` with the `ground` under them, in `blocks` of a `layout` of tiles
 // with so many `updates`; if the ground is not `calm` it may be another one without an update.
 struct Rest {
-  Pose anchor{{}, {std::numeric_limits<double>::infinity(), 0.0, 0.0}};
+  Pose anchor{{}, {INFINITE, 0.0, 0.0}};
   double still = 0.0;
   bool asleep = false, is_first = false;  // of the links of its body
   btTransform pose;

@@ -2,14 +2,16 @@
 #pragma once
 
 #include <map>
-#include <vector>
+#include <optional>
 
 #include <BulletCollision/CollisionShapes/btCompoundShape.h>
 
 #include "bullet/convert.h"
 #include "shape/body_shape.h"
+#include "shape/convex.h"
 
 class btCollisionObject;
+class btConvexShape;
 class btDiscreteDynamicsWorld;
 
 namespace smartmesh {
@@ -22,6 +24,10 @@ void for_each_part(const btCollisionShape& shape, const btTransform& pose, const
   for (int k = 0; k < compound.getNumChildShapes(); ++k)
     for_each_part(*compound.getChildShape(k), pose * compound.getChildTransform(k), use);
 }
+
+// Returns the shape that Bullet collides, with its margin, rotated by `orientation` in Bullet's frame of it; none if
+// its kind is not known here.
+std::optional<Convex> convex_of(const btConvexShape& shape);
 
 // Returns the shapes of those links of a PyBullet body that have one, -1 = the base. A part whose kind is not known
 // here is the ball about the centre of mass that holds it. Throws `std::invalid_argument` if the body is soft.

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include <BulletDynamics/Dynamics/btRigidBody.h>
 #include <BulletDynamics/Featherstone/btMultiBodyConstraint.h>
 #include <BulletDynamics/Featherstone/btMultiBodyDynamicsWorld.h>
 
@@ -55,8 +54,7 @@ void Sleep::note_rest() {
   const bool may_sleep = std::isfinite(rules_.after);
   attached_.list();
   for (int k : attached_.awake)
-    if (attached_.slots[k].body >= 0)
-      attached_.bodies[attached_.slots[k].body].still = std::numeric_limits<double>::infinity();
+    if (attached_.slots[k].body >= 0) attached_.bodies[attached_.slots[k].body].still = INFINITE;
   for (int k : attached_.awake) {
     Slot& slot = attached_.slots[k];
     if (slot.object == nullptr || slot.object->isStaticOrKinematicObject()) continue;
@@ -84,7 +82,7 @@ void Sleep::note_driven() {
       continue;
     AttachedBody& body = attached_.bodies[slot.body];
     body.driven = is_acted_on(*slot.object, gravity);
-    if (body.wanted && (body.driven || body.still < after)) wake(slot.body);
+    if (body.sleeper.before && (body.driven || body.still < after)) wake(slot.body);
   }
 }
 
@@ -144,7 +142,7 @@ void Sleep::put_resting_to_sleep() {
     const Slot& slot = attached_.slots[k];
     if (slot.object == nullptr || attached_.moving_slot(attached_.bodies[slot.body]) != &slot) continue;
     const AttachedBody& body = attached_.bodies[slot.body];
-    if (!body.wanted && body.still >= after && std::isfinite(body.still)) still.push_back(slot.body);
+    if (!body.sleeper.before && body.still >= after && std::isfinite(body.still)) still.push_back(slot.body);
   }
   if (still.empty()) return;
   find_supported();
@@ -153,7 +151,6 @@ void Sleep::put_resting_to_sleep() {
     btCollisionObject& object = *attached_.moving_slot(body)->object;
     if (!can_sleep(body) || sleeps(object)) continue;
     body.sleeper.before = let_sleep(object);
-    body.wanted = true;
   }
 }
 

@@ -1,7 +1,6 @@
 // What is known of an attached body or link.
 #pragma once
 
-#include <limits>
 #include <memory>
 #include <optional>
 #include <unordered_map>
@@ -55,7 +54,7 @@ struct Slot {
   bool is_on_carrier = false;           // near a deck that a body carries which physics moves
   Vec3 pull;            // what gravity and applied forces added to a rigid body's velocity in the last step [m/s]
   Vec3 ground_angular;  // of the ground at a contact that has rolling or spinning friction, in the last step [rad/s]
-  Vec3 last_ground{0.0, 0.0, std::numeric_limits<double>::quiet_NaN()};  // as of `check_falls`; z NaN = none yet
+  Vec3 last_ground{0.0, 0.0, NONE};  // as of `check_falls`; z NaN = none yet
   bool falls = false;
   Belt belt;
   Rest rest;

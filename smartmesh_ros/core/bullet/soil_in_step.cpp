@@ -17,8 +17,6 @@ constexpr double FALLEN = 0.45;
 // Speed of a body that was set down at which it rests, as a share of that of a fall from the depth of its sinkage.
 constexpr double AT_REST = 0.005;
 
-double along(const Vec3& v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
-
 }  // namespace
 
 Shape pressing_shape(const Convex& convex) {
@@ -32,15 +30,15 @@ Shape pressing_shape(const Convex& convex) {
   found.offset = centre, found.rounding = 0.0;
   for (int axis = 0; axis < 3; ++axis) {
     const int one = (axis + 1) % 3, other = (axis + 2) % 3;
-    const double radius = std::max(along(half, one), along(half, other));
+    const double radius = std::max(component(half, one), component(half, other));
     const bool is_round =
         std::all_of(convex.core.vertices.begin(), convex.core.vertices.end(), [&](const Vec3& vertex) {
-          const double out = std::hypot(along(vertex - centre, one), along(vertex - centre, other));
+          const double out = std::hypot(component(vertex - centre, one), component(vertex - centre, other));
           return ON_RIM * radius < out && out < radius / ON_RIM;
         });
     if (!is_round) continue;
     found.kind = ShapeKind::Cylinder;
-    found.half = {radius + margin, radius + margin, along(half, axis) + margin};
+    found.half = {radius + margin, radius + margin, component(half, axis) + margin};
     found.orientation = FROM_Z[axis];
     return found;
   }

@@ -36,7 +36,7 @@ void Sleep::wake(int body) {
     if (slot.object != nullptr && !slot.object->isStaticOrKinematicObject()) object = slot.object;
     if (slot.rest.asleep) note_awake(slot);
   }
-  it.still = 0.0, it.wanted = false;
+  it.still = 0.0;
   if (object != nullptr) {
     const bool slept = sleeps(*object);
     rouse(*object, it.sleeper.before, now_.world.getGravity());
@@ -98,10 +98,7 @@ void Sleep::wake_disturbed() {
 // Notes where awake bodies come to in the coming step.
 void Sleep::find_ways() {
   const auto add_way = [&](const btCollisionObject& object, const Vec3& velocity) {
-    Bounds bounds = bounds_of(object);
-    const Bounds start = bounds;
-    bounds.add(start.low + velocity * now_.duration), bounds.add(start.high + velocity * now_.duration);
-    vacated_.push_back(bounds);
+    vacated_.push_back(bounds_of(object).swept(velocity * now_.duration));
   };
   for (int k : attached_.awake) {
     Slot& slot = attached_.slots[k];
@@ -133,19 +130,17 @@ bool Sleep::is_another_ground(Slot& slot) {
     now_.terrain->blocks_under(rest.bounds, now_.time, rest.blocks), rest.layout = now_.terrain->layout();
   const Updates now = now_.terrain->updates_of(rest.blocks, now_.time);
   if (rest.calm && same_tiles && rest.updates == now.count) return false;
-  GroundUnder& found = ground_;
-  now_.terrain->ground_under(rest.bounds, now_.time, found);
+  now_.terrain->ground_under(rest.bounds, now_.time, ground_);
   rest.updates = now.count;
   rest.calm = !now.settles;
   rest.samples = 0;
-  rest.corrected = correction(rest.ground, found, rest.samples);
+  rest.corrected = correction(rest.ground, ground_, rest.samples);
   if (rest.samples > 0) corrected_.push_back(slot.body);
-  if (differs(rest.ground, found, rules_.tolerance)) return true;
+  if (differs(rest.ground, ground_, rules_.tolerance)) return true;
   if (!now.moves) return false;
-  GroundUnder& next = next_;
-  now_.terrain->ground_under(rest.bounds, now_.time + now_.duration, next);
-  rest.calm = rest.calm && next.heights == found.heights && next.vertices == found.vertices;
-  return differs(rest.ground, next, rules_.tolerance);
+  now_.terrain->ground_under(rest.bounds, now_.time + now_.duration, next_);
+  rest.calm = rest.calm && next_.heights == ground_.heights && next_.vertices == ground_.vertices;
+  return differs(rest.ground, next_, rules_.tolerance);
 }
 
 // Wakes what lies where something moved or went that Bullet wakes nobody for: it does not move by physics, or slept.

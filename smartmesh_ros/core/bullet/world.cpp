@@ -1,20 +1,64 @@
 #include "bullet/world.h"
 
+#include <algorithm>
+
+#include <BulletCollision/BroadphaseCollision/btBroadphaseInterface.h>
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 
-#include "bullet/broadphase.h"
 #include "bullet/carrier.h"
 #include "bullet/shape_parts.h"
 
 namespace smartmesh {
+
+namespace {
+
+// Where new proxies wait, apart from each other, for the bounds of their objects [m].
+constexpr double FAR_AWAY = 1e15, APART = 1e6;
+
+btBroadphaseProxy* new_proxy(btDiscreteDynamicsWorld& world, int place, btCollisionObject* object, int group,
+                             int mask) {
+  const btVector3 at(FAR_AWAY + place * APART, 0.0, 0.0);
+  const int kind = object == nullptr ? EMPTY_SHAPE_PROXYTYPE : object->getCollisionShape()->getShapeType();
+  return world.getBroadphase()->createProxy(at, at, kind, object, group, mask, world.getDispatcher());
+}
+
+// Makes the broadphase of a world anew: it forgets all pairs of objects, their contacts, and how objects moved. Pairs
+// are then found in an order that is that of the objects; it is the order of contacts in the solver, and so decides on
+// the last bits of a step.
+void renew_broadphase(btDiscreteDynamicsWorld& world) {
+  btBroadphaseInterface& broadphase = *world.getBroadphase();
+  btDispatcher* dispatcher = world.getDispatcher();
+  auto& objects = world.getCollisionObjectArray();
+  struct Known {
+    btCollisionObject* object;
+    int number, group, mask;
+  };
+  std::vector<Known> known;
+  for (int k = 0; k < objects.size(); ++k) {
+    btBroadphaseProxy* proxy = objects[k]->getBroadphaseHandle();
+    if (proxy == nullptr) continue;
+    known.push_back({objects[k], proxy->m_uniqueId, proxy->m_collisionFilterGroup, proxy->m_collisionFilterMask});
+    broadphase.destroyProxy(proxy, dispatcher);
+  }
+  broadphase.resetPool(dispatcher);
+  std::sort(known.begin(), known.end(), [](const Known& a, const Known& b) { return a.number < b.number; });
+  // Objects keep their numbers, by which PyBullet's own saved states know them; Bullet gives one after the other.
+  int number = 0;
+  for (const Known& it : known) {
+    while (++number < it.number) broadphase.destroyProxy(new_proxy(world, 0, nullptr, 0, 0), dispatcher);
+    it.object->setBroadphaseHandle(new_proxy(world, number, it.object, it.group, it.mask));
+  }
+}
+
+}  // namespace
 
 BulletWorld::BulletWorld(btDiscreteDynamicsWorld& world, int of_number)
     : number(of_number),
       now{world, &nothing_},
       attached(world),
       sleep(now, attached),
-      decks_(now, attached, sleep),
-      narrowphase_(now, attached, decks_) {
+      decks(now, attached, sleep),
+      narrowphase(now, attached, decks) {
   algorithms_.enter(world);
   world.getSolverInfo().m_solverMode |= SOLVER_ENABLE_FRICTION_DIRECTION_CACHING;  // read the directions of our points
   // Contacts are solved in the order of their bodies. Bullet's own order depends on where it allocated memory, and on
@@ -111,15 +155,10 @@ void BulletWorld::wake(int index) {
   if (const int body = attached.slots[index].body; body >= 0) sleep.wake(body);
 }
 
-std::optional<Contact> BulletWorld::deepest_contact(int index) {
-  attached.find_objects();
-  return narrowphase_.deepest_contact(attached.slots[index]);
-}
-
 void BulletWorld::forget() {
   sleep.wake_all();
   renew_broadphase(now.world);
-  sleep.forget(), decks_.forget();
+  sleep.forget(), decks.forget();
   for (Slot& slot : attached.slots) {
     slot.pull = slot.ground_angular = {};
     slot.rest.still = 0.0, slot.rest.anchor = Rest{}.anchor;

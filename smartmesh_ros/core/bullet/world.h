@@ -2,7 +2,6 @@
 #pragma once
 
 #include <exception>
-#include <optional>
 #include <utility>
 #include <vector>
 
@@ -19,7 +18,10 @@ class BulletWorld {
   Instant now;
   Attached attached;
   Sleep sleep;
+  CarriedDecks decks;
+  Narrowphase narrowphase;
   bool owned = false;  // by a ground of Python
+  long rescues = 0;    // number of times that a body was put back onto the ground
 
   BulletWorld(btDiscreteDynamicsWorld& world, int of_number);
   BulletWorld(const BulletWorld&) = delete;
@@ -48,19 +50,12 @@ class BulletWorld {
   // Brings bodies and ground to the time of the next step: bodies move with corrections of maps, sleeping ones wake
   // that something disturbed, proxies are placed, and bodies that are below the ground are put back onto it.
   void update();
-  // Number of times that a body was put back onto the ground.
-  long rescues() const { return rescues_; }
   // Called by Bullet's ticks: updates before a step; after it time goes on, soil is pressed, and rest is noted.
   void before_step();
   void after_step();
   // Places the proxies for a collision query between steps.
   void before_query();
 
-  // Finds the contacts of a body's shape with the ground of its proxy.
-  void touch(const btCollisionObjectWrapper& body, const btCollisionObject& ground, btPersistentManifold& manifold,
-             double duration);
-  // Returns the deepest contact of the body in a slot with the ground now; none if it does not touch it.
-  std::optional<Contact> deepest_contact(int slot);
   // Forgets the past: contacts and their impulses, rest, the order in which objects came near each other.
   void forget();
 
@@ -83,15 +78,12 @@ class BulletWorld {
   void lift();
 
   Tiles nothing_;  // the ground without tiles
-  CarriedDecks decks_;
-  Narrowphase narrowphase_;
   GroundAlgorithms algorithms_{this};
   UntouchableFilter untouchable_;
   BoundsHook hook_{[this] { before_query(); }};
   bool is_hooked_ = false;
   std::exception_ptr fault_;
   std::vector<int> maybe_below_;  // slots of bodies that may be below the ground
-  long rescues_ = 0;
 };
 
 // Returns the world with the number that the plugin's command gave; null if its client was disconnected, or its server

@@ -4,8 +4,6 @@
 
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 
-#include "bullet/bodies_on_soil.h"
-#include "bullet/broadphase.h"
 #include "bullet/moved_bodies.h"
 #include "bullet/world.h"
 #include "step/step_lock.h"
@@ -36,7 +34,7 @@ void bound(btDiscreteDynamicsWorld& world, btRigidBody& ground, const Bounds* re
 
 void BulletWorld::before_step() {
   now.stepping = true;
-  narrowphase_.forget_told();
+  narrowphase.told.clear();
   update();
 }
 
@@ -56,7 +54,7 @@ void BulletWorld::before_query() {
 
 void BulletWorld::place_proxies() {
   attached.find_objects();
-  if (!now.terrain->decks().empty()) decks_.move();
+  if (!now.terrain->decks().empty()) decks.move();
   sleep.wake_disturbed();
   attached.list();
   maybe_below_.clear();
@@ -70,7 +68,7 @@ void BulletWorld::place_proxies() {
 
 void BulletWorld::lift() {
   for (int body : lift_bodies(now, attached, maybe_below_)) {
-    ++rescues_;
+    ++rescues;
     sleep.wake(body);
     for (int k : attached.bodies[body].slots)
       if (attached.slots[k].ground != nullptr) place(attached.slots[k]);
@@ -82,15 +80,10 @@ void BulletWorld::after_step() {
   now.duration = now.world.getDispatchInfo().m_timeStep;
   now.time += now.duration;
   now.terrain->note_shown(now.time);
-  press_soil(now, attached);
-  if (!now.terrain->decks().empty()) decks_.react(narrowphase_.told());
-  narrowphase_.restore_told();
+  narrowphase.press_soil();
+  if (!now.terrain->decks().empty()) decks.react(narrowphase.told);
+  narrowphase.restore_told();
   sleep.note_rest();
-}
-
-void BulletWorld::touch(const btCollisionObjectWrapper& body, const btCollisionObject& ground,
-                        btPersistentManifold& manifold, double duration) {
-  narrowphase_.touch(*attached.slot_of(ground), body, manifold, duration);
 }
 
 void BulletWorld::place(Slot& slot) {
@@ -116,7 +109,7 @@ void BulletWorld::place(Slot& slot) {
     if (has_decks || near.highest > (pose * to_bullet(slot.body_shape->parts[0].inside)).z())
       maybe_below_.push_back(static_cast<int>(&slot - attached.slots.data()));
   }
-  const double by_decks = decks_.find_near(slot, bounds);
+  const double by_decks = decks.find_near(slot, bounds);
   const double moved = std::max((norm(near.velocity) + near.spread) * now.duration, by_decks);
   const Bounds reach = swept.grown(moved);
   const bool is_above = near.highest < reach.low.z, is_far = is_above && by_decks < 0.0;

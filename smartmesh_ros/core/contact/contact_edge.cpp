@@ -74,7 +74,7 @@ bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, cons
     // Beyond the end of the edge, the line may come below the ground where the shape is not.
     if (!(t > 0.0 && t < 1.0) && !is_near(shape, pose, deepest)) return false;
     double below;
-    if (way_out(deepest, patch, below) < 0) return false;
+    if (way_out({deepest, {}, 0.0, 0.0, deepest}, patch, below) < 0) return false;
   }
   const auto leaves = [&](const Vec3& normal, double offset) {
     double least = 1e300;

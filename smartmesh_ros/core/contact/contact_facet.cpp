@@ -83,10 +83,6 @@ class FacetTouch {
 
 }  // namespace
 
-int way_out(const Vec3& point, const Patch& patch, double& distance) {
-  return way_out(MovingPoint{point, {}, 0.0, 0.0, point}, patch, distance);
-}
-
 int way_out(const MovingPoint& point, const Patch& patch, double& distance) {
   const auto& p = patch.points;
   const PatchCells& cells = patch.cells;

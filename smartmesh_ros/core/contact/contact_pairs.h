@@ -71,7 +71,6 @@ bool comes_over(const MovingPoint& point, const Vec3& n, double distance, double
 
 // Returns the facet through which a point below the ground leaves it by the shortest way, towards the inside of its
 // shape; -1 if none is over the point. `distance` [m]: from that facet's plane, negative.
-int way_out(const Vec3& point, const Patch& patch, double& distance);
 int way_out(const MovingPoint& point, const Patch& patch, double& distance);
 
 // Share of a depth below which another way out makes a contact false: the shape is then beyond a thin ridge, or over a

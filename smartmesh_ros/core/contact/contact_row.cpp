@@ -158,17 +158,17 @@ void resist_rolling(const std::vector<Contact>& contacts, const Approach& approa
 }
 
 void find_slips(const std::vector<Contact>& contacts, const std::vector<OldContact>& before, const Approach& approach,
-                const Pull& pull, std::vector<ContactRow>& rows) {
+                const Vec3& pull, const Vec3& last_pull, double mass, std::vector<ContactRow>& rows) {
   for (std::size_t k = 0; k < contacts.size(); ++k) {
     const Contact& contact = contacts[k];
     const auto along_ground = [&](const Vec3& v) { return v - contact.normal * dot(v, contact.normal); };
     const OldContact* old = matching(contact, before, approach.duration);
-    const double friction = rows[k].friction.sliding, share = static_cast<double>(contacts.size()) / pull.mass;
+    const double friction = rows[k].friction.sliding, share = static_cast<double>(contacts.size()) / mass;
     const Vec3 slip = along_ground(approach.velocity_at(rows[k].at) + approach.ground - rows[k].slide);
     // Without friction, what does not slip would go where friction held it in the last step, and where it is pulled
     // since.
-    const bool slips = old == nullptr || norm2(slip) > norm2(pull.now);
-    const Vec3 along = slip + along_ground(slips ? pull.now : pull.now - pull.before - old->friction * share);
+    const bool slips = old == nullptr || norm2(slip) > norm2(pull);
+    const Vec3 along = slip + along_ground(slips ? pull : pull - last_pull - old->friction * share);
     const double holds = old == nullptr ? 0.0 : friction * old->normal_impulse * share;
     if (norm(along) > SLOWEST_SLIP + LEAST_HELD * holds) rows[k].slip = {along, across_slip(old, friction)};
   }

@@ -62,15 +62,9 @@ void place_in_mid_step(const Convex& shape, const Pose& pose, const std::vector<
 void resist_rolling(const std::vector<Contact>& contacts, const Approach& approach, const Vec3& pull,
                     std::vector<ContactRow>& rows);
 
-// What gravity and applied forces add to the velocity of a body in this step and in the last one [m/s], and its mass
-// [kg].
-struct Pull {
-  Vec3 now, before;
-  double mass;
-};
-
-// Sets the slips of the rows of the contacts of a body; `before`: those of the last step.
+// Sets the slips of the rows of the contacts of a body of a `mass` [kg]; `before`: its contacts of the last step.
+// `pull`: as above, and `last_pull` of the last step.
 void find_slips(const std::vector<Contact>& contacts, const std::vector<OldContact>& before, const Approach& approach,
-                const Pull& pull, std::vector<ContactRow>& rows);
+                const Vec3& pull, const Vec3& last_pull, double mass, std::vector<ContactRow>& rows);
 
 }  // namespace smartmesh

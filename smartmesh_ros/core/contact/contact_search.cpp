@@ -111,9 +111,9 @@ void ContactSearch::run(const Convex& shape, const Pose& pose, Tiles& tiles, dou
   const Bounds bounds = bounds_of(shape, pose).grown(grown);
   if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high))) return;
   const ShapeReach reach(shape, pose, grown, bounds.low.z, thickness);
-  tiles.gather(bounds, time, approach.ahead, reach, maps_);
-  tiles.gather_meshes(bounds, time, approach.ahead, reach, meshes_);
-  for (Patch* patch : {&maps_, &meshes_}) {
+  tiles.gather(bounds, time, approach.ahead, reach, maps);
+  tiles.gather_meshes(bounds, time, approach.ahead, reach, meshes);
+  for (Patch* patch : {&maps, &meshes}) {
     if (patch->facets.empty()) continue;
     patch->finish();
     const std::size_t first = contacts.size();

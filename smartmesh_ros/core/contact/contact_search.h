@@ -1,7 +1,6 @@
 // Search for the contacts of a shape with the ground near it.
 #pragma once
 
-#include <limits>
 #include <vector>
 
 #include "contact/contact.h"
@@ -10,19 +9,13 @@
 namespace smartmesh {
 
 // Its memory serves one search after the other.
-class ContactSearch {
- public:
+struct ContactSearch {
   // Replaces `contacts` by those of a shape at `pose` with the ground at `time` [s]; none if a number is not finite.
   // `thickness` [m]: of height maps at their holes and rims.
   void run(const Convex& shape, const Pose& pose, Tiles& tiles, double time, Approach approach,
-           std::vector<Contact>& contacts, double thickness = std::numeric_limits<double>::infinity());
+           std::vector<Contact>& contacts, double thickness = INFINITE);
 
-  // The ground that the last search found.
-  const Patch& maps() const { return maps_; }
-  const Patch& meshes() const { return meshes_; }
-
- private:
-  Patch maps_, meshes_;
+  Patch maps, meshes;  // the ground that the last search found
 };
 
 }  // namespace smartmesh

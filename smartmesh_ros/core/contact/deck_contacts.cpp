@@ -1,7 +1,5 @@
 #include "contact/deck_contacts.h"
 
-#include <cmath>
-
 namespace smartmesh {
 
 namespace {

@@ -30,8 +30,8 @@ bool is_within(const Vec3& p, const Vec3 (&corner)[3], const Vec3& n, double dis
 }  // namespace
 
 void Seams::add(const ContactSearch& search, const Pose& frame) {
-  add(search.maps(), frame);
-  add(search.meshes(), frame);
+  add(search.maps, frame);
+  add(search.meshes, frame);
 }
 
 void Seams::add(const Patch& patch, const Pose& frame) {
@@ -48,10 +48,10 @@ void Seams::add(const Patch& patch, const Pose& frame) {
 }
 
 void Seams::remove_hidden(const ContactSearch& beside, const Vec3& inside, std::vector<Contact>& contacts) {
-  const std::vector<Facet>& of_meshes = beside.meshes().facets;
+  const std::vector<Facet>& of_meshes = beside.meshes.facets;
   const bool is_one_mesh =
-      of_meshes.empty() || beside.meshes().mesh_of(of_meshes.front()) == beside.meshes().mesh_of(of_meshes.back());
-  if (facets_.empty() && is_one_mesh && (of_meshes.empty() || beside.maps().facets.empty())) return;
+      of_meshes.empty() || beside.meshes.mesh_of(of_meshes.front()) == beside.meshes.mesh_of(of_meshes.back());
+  if (facets_.empty() && is_one_mesh && (of_meshes.empty() || beside.maps.facets.empty())) return;
   add(beside, {});
   if (pieces() < 2) return;
   double deepest = 0.0;  // of a point of the shape below any piece [m]

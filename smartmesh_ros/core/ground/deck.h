@@ -2,8 +2,6 @@
 // deck is asked of its tiles in the deck's frame, by the code that serves the ground at rest.
 #pragma once
 
-#include <limits>
-
 #include "ground/frame_motion.h"
 #include "ground/ground_rays.h"
 #include "ground/tiles.h"
@@ -16,7 +14,7 @@ namespace smartmesh {
 struct Deck {
   Tiles tiles;
   FrameMotion motion;
-  double thickness = std::numeric_limits<double>::infinity();
+  double thickness = INFINITE;
   int body = -1, link = -1;
   FrameSample place{0.0, {}, {}, {}};
 

@@ -56,7 +56,7 @@ FrameVelocity agreed(const FrameVelocity& change, const FrameVelocity& before) {
 void FrameMotion::put(const FrameSample& sample) {
   samples_[0] = sample, samples_[0].orientation = normalised(sample.orientation), known_ = 1;
   velocity_ = sample.velocity.value_or(FrameVelocity{}), change_ = {};
-  lasts_ = std::numeric_limits<double>::infinity();
+  lasts_ = INFINITE;
   ++revision_;
 }
 
@@ -163,48 +163,29 @@ bool FrameMotion::moves(double time) const {
          norm2(velocity_.linear) + norm2(velocity_.angular) + norm2(change_.linear) + norm2(change_.angular) > 0.0;
 }
 
-std::vector<double> FrameMotion::memory() const {
-  std::vector<double> found{static_cast<double>(known_), lasts_};
-  const auto add = [&](const Vec3& v) { found.insert(found.end(), {v.x, v.y, v.z}); };
-  const auto add_velocity = [&](const FrameVelocity& v) { add(v.linear), add(v.angular); };
-  add_velocity(velocity_), add_velocity(change_);
-  for (const FrameSample& sample : samples_) {
-    found.push_back(sample.time), add(sample.at);
-    found.insert(found.end(), {sample.orientation.x, sample.orientation.y, sample.orientation.z, sample.orientation.w});
-    found.push_back(sample.velocity.has_value()), add_velocity(sample.velocity.value_or(FrameVelocity{}));
+FrameMemory FrameMotion::memory() const {
+  FrameMemory found{static_cast<double>(known_), lasts_, velocity_, change_, {}};
+  for (std::size_t k = 0; k < samples_.size(); ++k) {
+    const FrameSample& sample = samples_[k];
+    found.samples[k] = {sample.time, sample.at, sample.orientation, static_cast<double>(sample.velocity.has_value()),
+                        sample.velocity.value_or(FrameVelocity{})};
   }
   return found;
 }
 
-bool FrameMotion::recall(const double* numbers, std::size_t count) {
-  FrameMotion made;
-  if (count != made.memory().size()) return false;
-  const double *at = numbers, *end = numbers + count;
-  const auto next = [&] { return *at++; };
-  const auto vector = [&] {
-    at += 3;
-    return Vec3{at[-3], at[-2], at[-1]};
-  };
-  const auto velocity = [&] {
-    const Vec3 linear = vector();
-    return FrameVelocity{linear, vector()};
-  };
-  const double known = next();
-  made.lasts_ = next();
-  if (!(known >= 0.0 && known <= 4.0 && made.lasts_ >= 0.0)) return false;
-  if (!std::all_of(at, end, [](double number) { return std::isfinite(number); })) return false;
-  made.known_ = static_cast<int>(known);
-  made.velocity_ = velocity(), made.change_ = velocity();
-  for (FrameSample& sample : made.samples_) {
-    sample.time = next(), sample.at = vector();
-    at += 4;
-    sample.orientation = {at[-4], at[-3], at[-2], at[-1]};
-    const bool is_told = next() != 0.0;
-    const FrameVelocity told = velocity();
-    if (is_told) sample.velocity = told;
+bool FrameMotion::recall(const FrameMemory& memory) {
+  const auto *first = reinterpret_cast<const double*>(&memory.velocity),
+             *end = reinterpret_cast<const double*>(&memory + 1);
+  if (!(memory.known >= 0.0 && memory.known <= 4.0 && memory.lasts >= 0.0)) return false;
+  if (!std::all_of(first, end, [](double number) { return std::isfinite(number); })) return false;
+  known_ = static_cast<int>(memory.known), lasts_ = memory.lasts;
+  velocity_ = memory.velocity, change_ = memory.change;
+  for (std::size_t k = 0; k < samples_.size(); ++k) {
+    const FrameMemory::Sample& sample = memory.samples[k];
+    samples_[k] = {sample.time, sample.at, sample.orientation, {}};
+    if (sample.is_told != 0.0) samples_[k].velocity = sample.velocity;
   }
-  made.revision_ = revision_ + 1;
-  *this = made;
+  ++revision_;
   return true;
 }
 

@@ -2,10 +2,7 @@
 #pragma once
 
 #include <array>
-#include <cstddef>
-#include <limits>
 #include <optional>
-#include <vector>
 
 #include "math/rotation.h"
 #include "math/vec3.h"
@@ -37,6 +34,20 @@ struct FrameSample {
   std::optional<FrameVelocity> velocity;
 };
 
+// All that a frame goes on from, as numbers. `known`: of the samples, newest first. `lasts` [s]: see FrameMotion.
+// `is_told`: the velocity of a sample.
+struct FrameMemory {
+  double known, lasts;
+  FrameVelocity velocity, change;
+  struct Sample {
+    double time;
+    Vec3 at;
+    Quaternion orientation;
+    double is_told;
+    FrameVelocity velocity;
+  } samples[4];
+};
+
 // From the last sample on a frame moves with a constant acceleration and angular acceleration, which come from the last
 // three poses, or from the last two velocities where they are told, as far as the change before agrees.
 class FrameMotion {
@@ -60,10 +71,9 @@ class FrameMotion {
   // Returns a number that grows with each change.
   long revision() const { return revision_; }
 
-  // Returns all that the frame goes on from, as numbers.
-  std::vector<double> memory() const;
+  FrameMemory memory() const;
   // Goes on from what `memory` returned; returns false, and changes nothing, if the numbers are none of a frame.
-  bool recall(const double* numbers, std::size_t count);
+  bool recall(const FrameMemory& memory);
 
  private:
   void estimate();

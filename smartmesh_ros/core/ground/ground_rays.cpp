@@ -14,7 +14,7 @@ namespace {
 constexpr double MOST_PADDING = 1024.0;
 // Share of a cell that the widest gap is longer than the padding, against rounding.
 constexpr double ROUNDING = 1e-5;
-constexpr double AT_REST = -std::numeric_limits<double>::infinity();  // instant of ground that does not move
+constexpr double AT_REST = -INFINITE;  // instant of ground that does not move
 
 }  // namespace
 

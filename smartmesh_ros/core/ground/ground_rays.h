@@ -1,7 +1,6 @@
 // Rays onto the ground. Heights of one instant are kept until the ground has moved on.
 #pragma once
 
-#include <limits>
 #include <vector>
 
 #include "ground/ray_grid.h"
@@ -21,7 +20,7 @@ class GroundRays {
  private:
   std::vector<RayTiles> grids_;
   long layout_ = -1, revision_ = -1;
-  double instant_ = std::numeric_limits<double>::quiet_NaN();
+  double instant_ = NONE;
 };
 
 }  // namespace smartmesh

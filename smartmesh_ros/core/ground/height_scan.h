@@ -7,23 +7,10 @@
 
 namespace smartmesh {
 
-// Pose of a scan: position [m] and yaw [rad].
-struct ScanPose {
-  double x, y, yaw;
-};
-
-// Points (x, y) [m] in the frame of a pose: `points` (count, 2).
-struct ScanPattern {
-  const double* points;
-  std::size_t count;
-
-  // Returns the distance of the farthest point from the pose [m].
-  double radius() const;
-};
-
-// Writes the heights (count,) [m] of the highest ground at the points of a pattern, whose radius is given; NaN = no
-// ground.
-void scan_heights(GroundReader& ground, const ScanPose& pose, const ScanPattern& pattern, double radius,
-                  double* heights);
+// Writes the heights (count, points) [m] of the highest ground at a pattern of points (points, 2) [m] in the frame of
+// each pose (count, 3), position [m] and yaw [rad]; NaN = no ground. There is none around a pose whose numbers are
+// larger than `farthest` or not finite.
+void scan_heights(GroundReader& ground, const double* poses, std::size_t count, const double* pattern,
+                  std::size_t points, double farthest, double* heights);
 
 }  // namespace smartmesh

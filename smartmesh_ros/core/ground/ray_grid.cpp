@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace smartmesh {
 
@@ -14,7 +13,6 @@ constexpr int TILE = RayTiles::TILE, SIDE = RayTiles::SIDE;
 constexpr double CLOSE = 1e-9, RIM = 1e-6;
 // Change of a coordinate per metre below which a ray does not move along it.
 constexpr double NO_RATE = 1e-200;
-constexpr double NOWHERE = std::numeric_limits<double>::infinity(), UNKNOWN = std::numeric_limits<double>::quiet_NaN();
 
 // A coordinate along a ray: at its start, its change per metre and the reciprocal of that, zero = it does not change.
 struct Coordinate {
@@ -28,7 +26,7 @@ struct Coordinate {
   // Limits the part of the ray from `begin` to `end` [m] to that in which the coordinate is between `low` and `high`.
   void clip(double low, double high, double& begin, double& end) const {
     if (rate == 0.0) {
-      if (!(low <= start && start <= high)) begin = NOWHERE;
+      if (!(low <= start && start <= high)) begin = INFINITE;
       return;
     }
     const double first = (low - start) * inverse, second = (high - start) * inverse;
@@ -37,7 +35,7 @@ struct Coordinate {
   }
   // Returns the distance [m] at which the coordinate leaves the range from `low` to `high`.
   double leaves(int low, int high) const {
-    if (rate == 0.0) return NOWHERE;
+    if (rate == 0.0) return INFINITE;
     return ((rate > 0.0 ? high : low) - start) * inverse;
   }
   // Returns the cell, from `first` to the one before `last`, at the distance `s` [m].
@@ -49,7 +47,7 @@ struct Coordinate {
 
 // A hit at a distance [m], and the changes of the facet's height per column and row [m].
 struct FacetHit {
-  double distance = NOWHERE, per_column = 0.0, per_row = 0.0;
+  double distance = INFINITE, per_column = 0.0, per_row = 0.0;
 };
 
 class Walk {
@@ -97,8 +95,8 @@ class Walk {
     if (tile.low <= tile.high)
       z_.clip(tile.low - CLOSE, tile.high + CLOSE, s, end);
     else
-      s = NOWHERE;  // holes
-    if (s > begin) gap_ = UNKNOWN;
+      s = INFINITE;  // holes
+    if (s > begin) gap_ = NONE;
     const int first_row = tile_row * TILE, end_row = std::min(first_row + TILE, tiles_.last_row());
     const int first_column = tile_column * TILE, end_column = std::min(first_column + TILE, tiles_.last_column());
     if (!(s <= end)) return {};
@@ -113,7 +111,7 @@ class Walk {
       if (leave_row <= leave_column) r += row_.step();
       if (leave_column <= leave_row) c += column_.step();
     }
-    if (end < leave) gap_ = UNKNOWN;
+    if (end < leave) gap_ = NONE;
     return {};
   }
 
@@ -121,7 +119,7 @@ class Walk {
   FacetHit in_cell(const double* at, int row, int column, double s, double leave) {
     const double near = at[0], right = at[1], above = at[SIDE], far = at[SIDE + 1];
     if (passes(std::min(z_.at(s), z_.at(leave)) - CLOSE, std::max(z_.at(s), z_.at(leave)) + CLOSE, at)) {
-      gap_ = UNKNOWN;
+      gap_ = NONE;
       return {};
     }
     const double v = row_.start - row, u = column_.start - column, across = column_.rate - row_.rate;
@@ -130,9 +128,9 @@ class Walk {
       if (!(stop > s)) continue;
       const double middle = 0.5 * (s + stop);
       const bool upper = v + row_.rate * middle > u + column_.rate * middle;
-      const FacetHit plane{NOWHERE, upper ? far - above : right - near, upper ? above - near : far - right};
+      const FacetHit plane{INFINITE, upper ? far - above : right - near, upper ? above - near : far - right};
       const double hit = crossing(near, plane, v, u, s, stop);
-      if (hit < NOWHERE && counts(row, column, hit)) return {hit, plane.per_column, plane.per_row};
+      if (hit < INFINITE && counts(row, column, hit)) return {hit, plane.per_column, plane.per_row};
       s = stop;
     }
     return {};
@@ -155,7 +153,7 @@ class Walk {
     gap_ = after;
     if (gap == 0.0) return begin;
     if ((gap > 0.0 && after <= 0.0) || (gap < 0.0 && after >= 0.0)) return begin + (end - begin) * gap / (gap - after);
-    return NOWHERE;
+    return INFINITE;
   }
 
   // Returns false for a hit on the padding where another map, or the padding of another one, is the ground.
@@ -172,14 +170,54 @@ class Walk {
   const Tile& tile_;
   const double range_;
   Coordinate row_, column_, z_;
-  double gap_ = UNKNOWN;  // between ray and ground [m] at the end of the last facet, NaN = unknown
+  double gap_ = NONE;  // between ray and ground [m] at the end of the last facet, NaN = unknown
 };
 
 }  // namespace
 
+RayTiles::RayTiles(const HeightGrid& grid, int pad) : grid_(&grid), pad_(pad) {
+  rows_ = (last_row() + TILE - 1) / TILE;
+  columns_ = (last_column() + TILE - 1) / TILE;
+  tiles_.resize(static_cast<std::size_t>(rows_) * static_cast<std::size_t>(columns_));
+}
+
+const RayTile& RayTiles::at(int row, int column, TileReader& maps, std::size_t number) {
+  RayTile& tile = tiles_[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + column];
+  if (tile.instant != instant_) {
+    tile.instant = instant_;
+    if (!tile.heights) tile.heights.reset(new double[SIDE * SIDE]);
+    fill(tile, row * TILE - pad_, column * TILE - pad_, maps, number);
+  }
+  return tile;
+}
+
+void RayTiles::fill(RayTile& tile, int first_row, int first_column, TileReader& maps, std::size_t number) const {
+  tile.low = INFINITE, tile.high = -tile.low;
+  for (int a = 0; a < SIDE; ++a) {
+    double* heights = tile.heights.get() + a * SIDE;
+    maps.tiles()[number].reader.read_row(first_row + a, first_column, SIDE, heights);
+    if (pad_ > 0) fill_padding(first_row + a, first_column, heights, maps, number);
+    for (int b = 0; b < SIDE; ++b) {
+      tile.low = heights[b] < tile.low ? heights[b] : tile.low;
+      tile.high = heights[b] > tile.high ? heights[b] : tile.high;
+    }
+  }
+}
+
+// Writes those heights of a row of samples that lie beyond the edge of the map.
+void RayTiles::fill_padding(int row, int first_column, double* heights, TileReader& maps, std::size_t number) const {
+  if (row >= grid_->rows + pad_) return;
+  const bool beyond = row < 0 || row >= grid_->rows;
+  for (int b = 0; b < SIDE; ++b) {
+    const int column = first_column + b;
+    if ((beyond || column < 0 || column >= grid_->columns) && column < grid_->columns + pad_)
+      heights[b] = maps.across(number, row, column).height;
+  }
+}
+
 RayHit first_hit(const Ray& ray, RayTiles& tiles, TileReader& maps, std::size_t number) {
   const FacetHit hit = Walk(ray, tiles, maps, number).first_hit();
-  if (hit.distance == NOWHERE) return {};
+  if (hit.distance == INFINITE) return {};
   return {hit.distance, maps.tiles()[number].normal(hit.per_column, hit.per_row)};
 }
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 
 namespace smartmesh {
@@ -11,7 +10,6 @@ namespace {
 
 // Share of a cell by which a gap between maps may be wider than a cell, against rounding.
 constexpr double GAP_ROUNDING = 1e-6;
-constexpr double NONE = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace
 

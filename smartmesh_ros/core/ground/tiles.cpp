@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "ground/deck.h"
 
@@ -10,12 +9,11 @@ namespace smartmesh {
 
 namespace {
 
-constexpr double NONE = std::numeric_limits<double>::quiet_NaN();
-
 // Layouts count in steps that no changes of tiles make up for.
 constexpr long NEW_LAYOUT = 1L << 32;
 
-bool is_higher(const MeshPoint& mesh, double height) { return !(mesh.height <= height) && !std::isnan(mesh.height); }
+// Returns true if there is ground at a height [m], and none at an `other` one that is as high; NaN = no ground there.
+bool is_above(double height, double other) { return !(height <= other) && !std::isnan(height); }
 
 }  // namespace
 
@@ -23,7 +21,7 @@ MeshPoint GroundReader::meshes_at(double x, double y, double z, const MeshReader
   MeshPoint found;
   for (MeshReader& mesh : meshes) {
     const MeshPoint ground = mesh.below(x, y, z);
-    if (is_higher(ground, found.height)) found = ground, highest = &mesh;
+    if (is_above(ground.height, found.height)) found = ground, highest = &mesh;
   }
   return found;
 }
@@ -32,13 +30,13 @@ GroundPoint GroundReader::at(double x, double y, double z, double of_decks, int 
   const GridFacet tile = tiles.at(x, y).facet;
   const MeshReader* highest = nullptr;
   const MeshPoint mesh = meshes_at(x, y, z, highest);
-  GroundPoint found = is_higher(mesh, tile.height) ? GroundPoint{mesh.height, mesh.velocity}
-                                                   : GroundPoint{tile.height, {0.0, 0.0, tile.velocity}};
+  GroundPoint found = is_above(mesh.height, tile.height) ? GroundPoint{mesh.height, mesh.velocity}
+                                                         : GroundPoint{tile.height, {0.0, 0.0, tile.velocity}};
   if (decks == nullptr) return found;
   for (DeckReader& deck : *decks) {
     if (deck.deck->body == body) continue;
     const GroundSample here = deck.below({x, y, of_decks + deck.deck->thickness});
-    if (here.is_above(found.height)) found = {here.height, here.velocity};
+    if (is_above(here.height, found.height)) found = {here.height, here.velocity};
   }
   return found;
 }
@@ -60,7 +58,7 @@ GroundSample GroundReader::below(const Vec3& p) {
     found = {ground.height, ground.normal, ground.velocity, mesh->age()};
   if (decks == nullptr) return found;
   for (DeckReader& deck : *decks)
-    if (const GroundSample here = deck.below(p); here.is_above(found.height)) found = here;
+    if (const GroundSample here = deck.below(p); is_above(here.height, found.height)) found = here;
   return found;
 }
 

@@ -27,12 +27,9 @@ struct NearbyGround {
 // horizontal motion, age [s], the time since the last map of the place, negative before it, and coefficient of
 // friction.
 struct GroundSample {
-  double height = std::numeric_limits<double>::quiet_NaN();
+  double height = NONE;
   Vec3 normal, velocity;
-  double age = std::numeric_limits<double>::quiet_NaN(), friction = Material{}.friction;
-
-  // Returns true if there is ground, and none at an `other` height [m] that is as high; NaN = no ground there.
-  bool is_above(double other) const { return !(height <= other) && !std::isnan(height); }
+  double age = NONE, friction = Material{}.friction;
 };
 
 // The height maps, the meshes and the decks of a terrain at one instant; `decks` is null if there are none.

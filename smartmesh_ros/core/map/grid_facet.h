@@ -2,7 +2,6 @@
 #pragma once
 
 #include <algorithm>
-#include <limits>
 
 #include "map/height_grid.h"
 #include "map/window.h"
@@ -15,7 +14,7 @@ constexpr double EDGE = 1e-6;
 // Ground of a facet at a point: height [m], NaN = none, and mean vertical velocity [m/s] over a duration. `per_column`,
 // `per_row` [m]: change of the height from sample to sample.
 struct GridFacet {
-  double height = std::numeric_limits<double>::quiet_NaN(), velocity = 0.0, per_column = 0.0, per_row = 0.0;
+  double height = NONE, velocity = 0.0, per_column = 0.0, per_row = 0.0;
 };
 
 // Returns the facet at the place (`v` along rows, `u` along columns) of a cell with the corners `near` and `far` on its

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "map/noisy_motion.h"
 
@@ -76,7 +75,7 @@ Motion GridReader::motion(int row, int column, std::size_t index) const {
 }
 
 Sample GridReader::read(int row, int column) {
-  if (!grid_.has(row, column)) return {std::numeric_limits<double>::quiet_NaN(), 0.0};
+  if (!grid_.has(row, column)) return {NONE, 0.0};
   const Clock& clock = grid_.clock(row, column);
   if (&clock != clock_) enter(clock);
   const std::size_t i = grid_.index(row, column);
@@ -91,7 +90,7 @@ Sample GridReader::read(int row, int column) {
 }
 
 void GridReader::read_row(int row, int column, int count, double* heights, double* rises) {
-  std::fill(heights, heights + count, std::numeric_limits<double>::quiet_NaN());
+  std::fill(heights, heights + count, NONE);
   if (rises != nullptr) std::fill(rises, rises + count, 0.0);
   const double ahead = ahead_;
   each_block(row, column, count, [&](int c, int inside) {

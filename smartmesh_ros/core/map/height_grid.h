@@ -1,16 +1,25 @@
 // Reader of a moving height map: the height and the rise of a sample at an instant.
 #pragma once
 
+#include <atomic>
 #include <cmath>
 #include <cstddef>
-#include <limits>
 
 #include "map/material.h"
 #include "map/motion.h"
-#include "map/revision.h"
 #include "math/vec3.h"
 
 namespace smartmesh {
+
+// The number of the last change of any map.
+inline std::atomic<long>& last_revision() {
+  static std::atomic<long> last{0};
+  return last;
+}
+
+// Returns a number higher than all before. Whatever changes takes one, so that whoever has seen a number knows whether
+// it has seen the change.
+inline long next_revision() { return ++last_revision(); }
 
 // Side of the square blocks of samples that share one clock [samples], as the exponent of two.
 constexpr int BLOCK_SHIFT = 6;
@@ -89,8 +98,8 @@ struct HeightGrid {
   double x = 0.0, y = 0.0, z = 0.0, yaw = 0.0, resolution = 1.0;
   Mode mode = Mode::Extrapolate;
   double max_velocity = 0.0, settle = 0.0, noise = 0.0, smoothing = 0.0;
-  double shown = std::numeric_limits<double>::infinity();
-  double settled = -std::numeric_limits<double>::infinity();
+  double shown = INFINITE;
+  double settled = -INFINITE;
   GridTrack track;
   long revision = next_revision();  // changes with every update, with the settings, and with what is shown
 

@@ -5,15 +5,18 @@
 
 namespace smartmesh {
 
-// New estimate of the `heights` [m] of a rectangle at `time` [s], row by row. It is blended in within the time `settle`
-// [s] from the instant `shown` [s] on, up to which corrections are blended in; infinity = nothing is shown yet.
-struct NewEstimate {
-  const float* heights;
-  double time, shown, settle;
-};
+// Writes a new estimate of the `heights` [m] of a `place` of a map at `time` [s], row by row. It is blended in within
+// the map's time to settle from the instant that is shown on. The offsets are set so that the shown heights do not
+// jump. A filled hole takes the offset of the sample before it in its row, because a different offset would be a spike.
+void take_corrected(HeightGrid& map, const Region& place, const float* heights, double time);
 
-// Writes a new estimate to a `place` of a map. The offsets are set so that the shown heights do not jump. A filled hole
-// takes the offset of the sample before it in its row, because a different offset would be a spike.
-void take_corrected(HeightGrid& map, const Region& place, const NewEstimate& estimate);
+// Fuses repeated height measurements of static ground: a Kalman filter with one state per sample, see
+// terrain/corrections.py. Updates `count` samples: `heights` [m], NaN = not measured yet, and their `variances` [m^2].
+// `measured` [m]: NaN = not seen, which keeps the height. `noises` [m^2]: variances of the measurements; zero replaces
+// the height, and a height whose variance is negative or not finite is ignored. `grown` [m^2]: variance since the last
+// measurements. `gate_squared`: square of the gate [standard deviations] beyond which a sample restarts from the
+// measurement.
+void fuse(float* heights, float* variances, const float* measured, const float* noises, std::size_t count, float grown,
+          float gate_squared);
 
 }  // namespace smartmesh

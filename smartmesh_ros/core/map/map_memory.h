@@ -36,7 +36,7 @@ struct MapMemory {
     grid.heights = heights.data(), grid.velocities = velocities.data();
     grid.offsets = offsets.data(), grid.rates = rates.data(), grid.clocks = clocks.data();
     grid.rows = rows, grid.columns = columns, grid.block_columns = static_cast<int>(blocks_of({0, columns}).last);
-    for (Clock& clock : clocks) clock.time = -std::numeric_limits<double>::infinity();
+    for (Clock& clock : clocks) clock.time = -INFINITE;
   }
 };
 

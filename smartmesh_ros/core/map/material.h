@@ -5,7 +5,8 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <limits>
+
+#include "math/vec3.h"
 
 namespace smartmesh {
 
@@ -17,10 +18,9 @@ constexpr int LAYERS = 5;
 // `damping` [N s/m^3]: pressure by the depth and by its rate; infinite stiffness = rigid. `rolling`: coefficient of
 // rolling resistance.
 struct Material {
-  double friction = 1.0, stiffness = std::numeric_limits<double>::infinity(), damping = 0.0, restitution = 1.0,
-         rolling = 0.0;
+  double friction = 1.0, stiffness = INFINITE, damping = 0.0, restitution = 1.0, rolling = 0.0;
 
-  bool gives() const { return stiffness < std::numeric_limits<double>::infinity(); }
+  bool gives() const { return stiffness < INFINITE; }
   bool operator==(const Material& other) const {
     return friction == other.friction && stiffness == other.stiffness && damping == other.damping &&
            restitution == other.restitution && rolling == other.rolling;
@@ -31,7 +31,7 @@ struct Material {
 // usual.
 struct MaterialLayer {
   const float* samples = nullptr;
-  double uniform = std::numeric_limits<double>::quiet_NaN();
+  double uniform = NONE;
 
   bool is_given() const { return samples != nullptr || !std::isnan(uniform); }
 };

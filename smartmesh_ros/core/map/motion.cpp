@@ -1,7 +1,8 @@
 #include "map/motion.h"
 
 #include <algorithm>
-#include <limits>
+
+#include "math/vec3.h"
 
 namespace smartmesh {
 
@@ -11,11 +12,10 @@ namespace {
 // ground returns to the last map at half its speed, because a sudden reset would teleport it. Raising this tolerates
 // later maps, but overshoots further.
 constexpr double LATE_AFTER = 1.5;
-constexpr double FOREVER = std::numeric_limits<double>::infinity();
 
 // Returns the phase at an `age` [s]; from the age `late_after` [s] on the ground returns.
 Phase extrapolated(double age, double late_after, double lag) {
-  if (age <= late_after) return {age, 0.5 * age * (age + 2.0 * lag), 1.0, age + lag, 1.0, FOREVER};
+  if (age <= late_after) return {age, 0.5 * age * (age + 2.0 * lag), 1.0, age + lag, 1.0, INFINITE};
   const double bend = 0.5 * late_after * (late_after + 2.0 * lag);
   const double share = 1.0 - 0.5 * (age - late_after) / late_after;
   if (share <= 0.0) return {};
@@ -27,7 +27,7 @@ Phase extrapolated(double age, double late_after, double lag) {
 Phase phase_of(double time, double last, double lifetime, double lag, Mode mode, double delay) {
   const double age = time - last, due = lifetime + delay;
   if (!(lifetime > 0.0)) return {};
-  if (mode == Mode::Hold) return {0.0, 0.0, age <= LATE_AFTER * due ? 1.0 : 0.0, 0.0, 0.0, FOREVER};
+  if (mode == Mode::Hold) return {0.0, 0.0, age <= LATE_AFTER * due ? 1.0 : 0.0, 0.0, 0.0, INFINITE};
   if (mode == Mode::Interpolate) return extrapolated(std::max(age - due, -due), (LATE_AFTER - 1.0) * due, lag);
   return extrapolated(std::max(age, -lifetime), LATE_AFTER * due, lag);
 }

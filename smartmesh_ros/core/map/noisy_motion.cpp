@@ -1,7 +1,6 @@
 #include "map/noisy_motion.h"
 
 #include <cmath>
-#include <limits>
 
 namespace smartmesh {
 
@@ -38,7 +37,7 @@ struct Velocities {
 
 // Returns the variance of an acceleration from three heights and the intervals between them [s].
 double acceleration_variance(double later, double earlier, double noise) {
-  if (!(later > 0.0 && earlier > 0.0)) return std::numeric_limits<double>::infinity();
+  if (!(later > 0.0 && earlier > 0.0)) return INFINITE;
   const double a = noise / later, b = noise / earlier, c = 2.0 / (later + earlier);
   return (a * a + b * b + (a + b) * (a + b)) * (c * c);
 }
@@ -87,7 +86,7 @@ class VelocityReader {
  private:
   double known(int slot, std::size_t i) const {
     const double velocity = slot_[slot][i];
-    return std::abs(velocity) <= grid_.max_velocity ? velocity : std::numeric_limits<double>::quiet_NaN();
+    return std::abs(velocity) <= grid_.max_velocity ? velocity : NONE;
   }
 
   const HeightGrid& grid_;

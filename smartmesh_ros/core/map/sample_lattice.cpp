@@ -2,16 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <vector>
 
 namespace smartmesh {
 
 namespace {
-
-constexpr double NONE = std::numeric_limits<double>::quiet_NaN();
-// Largest row or column of a lattice point that is used; larger ones overflow.
-constexpr std::int64_t FARTHEST = std::int64_t{1} << 38;
 
 std::int64_t ceil_div(std::int64_t a, std::int64_t b) { return a / b + (a % b > 0); }
 std::int64_t floor_div(std::int64_t a, std::int64_t b) { return a / b - (a % b < 0); }
@@ -22,15 +16,6 @@ double change_to(double& last, double height) {
   const double change = height - last;
   last = height;
   return change;
-}
-
-// Moves a place of the ring buffer to the lattice point (i, j), about which nothing is known yet.
-void move_to(const Lattice& lattice, std::int64_t place, std::int64_t i, std::int64_t j) {
-  std::int64_t* cell = lattice.cells + 2 * place;
-  if (cell[0] == i && cell[1] == j) return;
-  cell[0] = i, cell[1] = j;
-  std::fill_n(lattice.heights + STENCIL * place, STENCIL, NONE);
-  lattice.steps[place] = 0.0;
 }
 
 // Counts one lattice point by the changes of its sample and of its neighbours.
@@ -62,21 +47,28 @@ double PlacedMap::at(std::int64_t row, std::int64_t column) const {
   return z + static_cast<double>(heights[row * columns + column]);
 }
 
-LatticeCounts compare(const Lattice& lattice, const PlacedMap& map, double least) {
+SampleLattice::SampleLattice(std::int64_t rows, std::int64_t columns, std::int64_t points)
+    : down_(std::max<std::int64_t>(ceil_div(rows, points), 1)),
+      along_(std::max<std::int64_t>(ceil_div(columns, points), 1)),
+      high_(ceil_div(rows, down_) + 1),  // one more if the map is not aligned
+      wide_(ceil_div(columns, along_) + 1),
+      points_(static_cast<std::size_t>(high_ * wide_)) {}
+
+LatticeCounts SampleLattice::compare(const PlacedMap& map, double least) {
   LatticeCounts counts;
   std::vector<double> sizes;
-  const std::int64_t last_i = floor_div(map.first_row + map.rows - 1, lattice.down);
-  const std::int64_t last_j = floor_div(map.first_column + map.columns - 1, lattice.along);
-  for (std::int64_t i = ceil_div(map.first_row, lattice.down); i <= last_i; ++i) {
-    for (std::int64_t j = ceil_div(map.first_column, lattice.along); j <= last_j; ++j) {
-      const std::int64_t row = i * lattice.down - map.first_row, column = j * lattice.along - map.first_column;
-      const std::int64_t place = modulo(i, lattice.high) * lattice.wide + modulo(j, lattice.wide);
-      move_to(lattice, place, i, j);
-      double* last = lattice.heights + STENCIL * place;
-      const double left = change_to(last[0], map.at(row, column - 1)), step = change_to(last[1], map.at(row, column)),
-                   right = change_to(last[2], map.at(row, column + 1));
+  const std::int64_t last_i = floor_div(map.first_row + map.rows - 1, down_);
+  const std::int64_t last_j = floor_div(map.first_column + map.columns - 1, along_);
+  for (std::int64_t i = ceil_div(map.first_row, down_); i <= last_i; ++i) {
+    for (std::int64_t j = ceil_div(map.first_column, along_); j <= last_j; ++j) {
+      const std::int64_t row = i * down_ - map.first_row, column = j * along_ - map.first_column;
+      Point& point = points_[modulo(i, high_) * wide_ + modulo(j, wide_)];
+      if (point.i != i || point.j != j) point = {i, j};
+      const double left = change_to(point.left, map.at(row, column - 1)),
+                   step = change_to(point.own, map.at(row, column)),
+                   right = change_to(point.right, map.at(row, column + 1));
       if (!std::isnan(step)) sizes.push_back(std::abs(step));
-      count(left, step, right, lattice.steps[place], least, counts);
+      count(left, step, right, point.step, least, counts);
     }
   }
   counts.known = static_cast<std::int64_t>(sizes.size());
@@ -84,20 +76,22 @@ LatticeCounts compare(const Lattice& lattice, const PlacedMap& map, double least
   return counts;
 }
 
-bool moved_as_one(const Lattice& lattice, const PlacedMap& map, double least) {
+bool SampleLattice::moved_as_one(const PlacedMap& map, double least) const {
   bool known = false;
   double rise = 0.0;
-  for (std::int64_t place = 0; place < lattice.high * lattice.wide; ++place) {
-    const std::int64_t i = lattice.cells[2 * place], j = lattice.cells[2 * place + 1];
-    if (i < -FARTHEST || i > FARTHEST || j < -FARTHEST || j > FARTHEST) continue;
-    const double height = map.at(i * lattice.down - map.first_row, j * lattice.along - map.first_column);
-    const double change = height - lattice.heights[STENCIL * place + 1];
+  for (const Point& point : points_) {
+    const double height = map.at(point.i * down_ - map.first_row, point.j * along_ - map.first_column);
+    const double change = height - point.own;
     if (std::isnan(change)) continue;
     if (!known) rise = change;
     if (std::abs(change - rise) > least) return false;
     known = true;
   }
   return known;
+}
+
+void SampleLattice::forget() {
+  for (Point& point : points_) point = {point.i, point.j};
 }
 
 }  // namespace smartmesh

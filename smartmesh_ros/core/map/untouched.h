@@ -25,13 +25,8 @@ class Untouched {
   Untouched(const Untouched&) = delete;
   Untouched& operator=(const Untouched&) = delete;
 
-  std::size_t size() const { return count_; }
-  T* data() { return data_; }
-  const T* data() const { return data_; }
-  T& operator[](std::size_t i) { return data_[i]; }
+  T* data() const { return data_; }
   const T& operator[](std::size_t i) const { return data_[i]; }
-  const T* begin() const { return data_; }
-  const T* end() const { return data_ + count_; }
 
  private:
   std::size_t count_;

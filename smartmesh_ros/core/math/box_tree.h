@@ -7,20 +7,26 @@
 
 namespace smartmesh {
 
-// What a ray is checked against in the boxes that it passes through.
-struct RayTarget {
-  // Returns the distance [m] along the ray to what is in a box, infinity if the ray does not meet it.
-  virtual double distance(int place) const = 0;
-
- protected:
-  ~RayTarget() = default;
-};
-
 // What a ray meets first: distance [m] and place of the box, -1 = nothing.
 struct BoxHit {
   double distance;
   int place;
 };
+
+// Returns the distance at which a ray enters a box grown by a length; infinity if it does not within `range`.
+// `inverse`: of the ray's direction, infinite along an axis that it does not move along.
+inline double entry_of(const Bounds& box, const Vec3& from, const Vec3& inverse, double range, double grown) {
+  double begin = 0.0, end = range;
+  const auto clip = [&](double low, double high, double inverse_rate) {
+    const double first = low * inverse_rate, second = high * inverse_rate;
+    begin = std::max(begin, std::min(first, second));  // NaN, on a side, leaves the other argument
+    end = std::min(end, std::max(first, second));
+  };
+  clip(box.low.x - grown - from.x, box.high.x + grown - from.x, inverse.x);
+  clip(box.low.y - grown - from.y, box.high.y + grown - from.y, inverse.y);
+  clip(box.low.z - grown - from.z, box.high.z + grown - from.z, inverse.z);
+  return begin <= end ? begin : INFINITE;
+}
 
 class BoxTree {
  public:
@@ -34,7 +40,9 @@ class BoxTree {
   void find(const Bounds& bounds, std::vector<int>& found) const;
 
   // Returns what a ray along the unit vector `way` meets first within `range` [m], in boxes grown by a length [m].
-  BoxHit first_along(const Vec3& from, const Vec3& way, double range, double grown, const RayTarget& target) const;
+  // `distance_to(place)`: distance [m] along the ray to what is in a box, infinity if the ray does not meet it.
+  template <class Distance>
+  BoxHit first_along(const Vec3& from, const Vec3& way, double range, double grown, const Distance& distance_to) const;
 
  private:
   // A leaf holds the boxes `order_[first]` to `order_[first + count - 1]`. Any other node has no boxes of its own; its
@@ -50,5 +58,42 @@ class BoxTree {
   std::vector<int> order_;
   std::vector<Bounds> boxes_;  // in this order
 };
+
+template <class Distance>
+BoxHit BoxTree::first_along(const Vec3& from, const Vec3& way, double range, double grown,
+                            const Distance& distance_to) const {
+  BoxHit best{INFINITE, -1};
+  if (nodes_.empty()) return best;
+  const Vec3 inverse{1.0 / way.x, 1.0 / way.y, 1.0 / way.z};
+  struct Open {
+    int node;
+    double entered;
+  } open[64];  // halving ends long before
+  int count = 0;
+  double limit = range;
+  const auto push = [&](int node, double entered) {
+    if (entered <= limit) open[count++] = {node, entered};
+  };
+  push(0, entry_of(nodes_[0].box, from, inverse, limit, grown));
+  while (count > 0) {
+    const Open next = open[--count];
+    if (next.entered > limit) continue;
+    const Node& node = nodes_[next.node];
+    for (int j = node.first; j < node.first + node.count; ++j) {
+      if (!(entry_of(boxes_[j], from, inverse, limit, grown) <= limit)) continue;
+      const double distance = distance_to(order_[j]);
+      if (distance <= limit && distance < best.distance) best = {distance, order_[j]}, limit = distance;
+    }
+    if (node.count > 0) continue;
+    const int near = next.node + 1, far = node.first;
+    const double to_near = entry_of(nodes_[near].box, from, inverse, limit, grown);
+    const double to_far = entry_of(nodes_[far].box, from, inverse, limit, grown);
+    if (to_near <= to_far)
+      push(far, to_far), push(near, to_near);
+    else
+      push(near, to_near), push(far, to_far);
+  }
+  return best;
+}
 
 }  // namespace smartmesh

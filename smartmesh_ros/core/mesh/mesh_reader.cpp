@@ -1,5 +1,4 @@
 // Points and rays on a moving triangle mesh.
-#include <limits>
 
 #include "mesh/mesh_reader.h"
 
@@ -14,49 +13,22 @@ constexpr std::size_t VERTICES_READ = 8;
 // Distance by which boxes are grown [m], so that rounding does not move a ray out of the flat box of a facet.
 constexpr double ROUNDING = 1e-9;
 
-// The facets of a mesh at one instant, for a ray. The test of a ray and a triangle is that of Moeller and Trumbore
-// (*Fast, Minimum Storage Ray/Triangle Intersection*, 1997).
-class FacetTarget final : public RayTarget {
- public:
-  FacetTarget(const MeshTopology& mesh, const MeshReader& reader, const Vec3& from, const Vec3& way)
-      : mesh_(mesh), reader_(reader), from_(from), way_(way) {}
-
-  double distance(int facet) const override {
-    const auto& k = mesh_.facets[facet];
-    const Vec3 a = reader_.position(k[0]), p = reader_.position(k[1]) - a, q = reader_.position(k[2]) - a;
-    const Vec3 h = cross(way_, q), s = from_ - a;
-    const double determinant = dot(p, h);
-    if (determinant == 0.0) return NOWHERE;
-    const Vec3 t = cross(s, p);
-    const double u = dot(s, h) / determinant, v = dot(way_, t) / determinant;
-    if (!(u >= INSIDE && v >= INSIDE && u + v <= 1.0 - INSIDE)) return NOWHERE;
-    const double found = dot(q, t) / determinant;
-    return found >= 0.0 ? found : NOWHERE;
-  }
-
- private:
-  static constexpr double NOWHERE = std::numeric_limits<double>::infinity();
-  const MeshTopology& mesh_;
-  const MeshReader& reader_;
-  const Vec3 &from_, &way_;
-};
-
 }  // namespace
 
 MeshReader::MeshReader(const MeshSurface& mesh, double time, double ahead)
     : mesh_(&mesh),
-      phase_(block_phase(*mesh.clock, time, mesh.mode)),
-      blend_(mesh.blends() && mesh.clock->known > 0 ? blend_of(*mesh.clock, time, ahead) : Blend{}),
+      phase_(block_phase(mesh.clock, time, mesh.mode)),
+      blend_(mesh.blends() && mesh.clock.known > 0 ? blend_of(mesh.clock, time, ahead) : Blend{}),
       ahead_(ahead),
-      age_(time - mesh.clock->time),
+      age_(time - mesh.clock.time),
       drift_(mesh.drift(time)),
       still_(phase_.along == 0.0 && phase_.bend == 0.0 && blend_.offset == 0.0) {
-  const std::int64_t newest = mesh.clock->newest;
-  if (mesh.clock->known == 0 || newest < 0 || newest >= KEPT) return;
+  const std::int64_t newest = mesh.clock.newest;
+  if (mesh.clock.known == 0 || newest < 0 || newest >= KEPT) return;
   const std::size_t size = 3 * static_cast<std::size_t>(mesh.vertices);
-  newest_ = mesh.velocities + size * static_cast<std::size_t>(newest);
-  second_ = mesh.velocities + size * static_cast<std::size_t>((newest + KEPT - 1) % KEPT);
-  third_ = mesh.velocities + size * static_cast<std::size_t>((newest + KEPT - 2) % KEPT);
+  newest_ = mesh.velocities.data() + size * static_cast<std::size_t>(newest);
+  second_ = mesh.velocities.data() + size * static_cast<std::size_t>((newest + KEPT - 1) % KEPT);
+  third_ = mesh.velocities.data() + size * static_cast<std::size_t>((newest + KEPT - 2) % KEPT);
 }
 
 Motion MeshReader::motion(int axis, int v) const {
@@ -77,9 +49,22 @@ void MeshReader::prepare(std::size_t count) {
   positions_.swap(positions), displacements_.swap(displacements);
 }
 
+// The test of a ray and a triangle is that of Moeller and Trumbore (*Fast, Minimum Storage Ray/Triangle Intersection*,
+// 1997).
 RayHit MeshReader::first_hit(const Vec3& from, const Vec3& way, double range) const {
-  const FacetTarget facets(mesh_->topology_, *this, from, way);
-  const BoxHit hit = mesh_->tree_.first_along(from, way, range, drift_ + ROUNDING, facets);
+  const auto distance_to = [&](int facet) {
+    const auto& k = mesh_->topology_.facets[facet];
+    const Vec3 a = position(k[0]), p = position(k[1]) - a, q = position(k[2]) - a;
+    const Vec3 h = cross(way, q), s = from - a;
+    const double determinant = dot(p, h);
+    if (determinant == 0.0) return INFINITE;
+    const Vec3 t = cross(s, p);
+    const double u = dot(s, h) / determinant, v = dot(way, t) / determinant;
+    if (!(u >= INSIDE && v >= INSIDE && u + v <= 1.0 - INSIDE)) return INFINITE;
+    const double found = dot(q, t) / determinant;
+    return found >= 0.0 ? found : INFINITE;
+  };
+  const BoxHit hit = mesh_->tree_.first_along(from, way, range, drift_ + ROUNDING, distance_to);
   if (hit.place < 0) return {};
   const auto& k = mesh_->topology_.facets[hit.place];
   const Vec3 a = position(k[0]);

@@ -60,7 +60,7 @@ class MeshReader {
 
   // Returns a sum of a vertex' offset and its rate with two weights.
   Vec3 deviation(int v, double of_offset, double of_rate) const {
-    const double *offset = mesh_->offsets + v, *rate = mesh_->rates + v;
+    const double *offset = mesh_->offsets.data() + v, *rate = mesh_->rates.data() + v;
     const std::ptrdiff_t n = mesh_->vertices;
     return {of_offset * offset[0] + of_rate * rate[0], of_offset * offset[n] + of_rate * rate[n],
             of_offset * offset[2 * n] + of_rate * rate[2 * n]};

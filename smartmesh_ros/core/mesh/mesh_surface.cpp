@@ -145,7 +145,18 @@ void MeshScratch::begin(std::size_t vertices, std::size_t edge_count) {
   ++stamp;
 }
 
-bool MeshSurface::moves(double time) const { return may_move(*clock, time, mode); }
+MeshSurface::MeshSurface(const double* positions, int count, const std::int64_t* corners, int of_corners)
+    : vertices(count),
+      triangle_count(of_corners),
+      triangles(corners),
+      now(positions, positions + 3 * static_cast<std::size_t>(count)),
+      velocities(KEPT * now.size()),
+      offsets(now.size()),
+      rates(now.size()) {
+  update();
+}
+
+bool MeshSurface::moves(double time) const { return may_move(clock, time, mode); }
 
 void MeshSurface::update() {
   ++revision;
@@ -167,22 +178,22 @@ void MeshSurface::update() {
 
 void MeshSurface::measure() {
   speed_ = acceleration_ = offset_ = rate_ = 0.0;
-  if (clock->known == 0) return;
-  const MeshReader reader(*this, clock->time, 0.0);
+  if (clock.known == 0) return;
+  const MeshReader reader(*this, clock.time, 0.0);
   for (int v = 0; v < vertices; ++v) {
     for (int axis = 0; axis < 3; ++axis) {
       const Motion motion = reader.motion(axis, v);
       speed_ = std::max(speed_, std::abs(motion.velocity));
       acceleration_ = std::max(acceleration_, std::abs(motion.acceleration));
       const std::size_t i = static_cast<std::size_t>(axis) * vertices + v;
-      offset_ = std::max(offset_, std::abs(offsets[i])), rate_ = std::max(rate_, std::abs(rates[i]));
+      offset_ = std::max(offset_, std::abs(offsets.data()[i])), rate_ = std::max(rate_, std::abs(rates.data()[i]));
     }
   }
 }
 
 double MeshSurface::drift(double time) const {
-  const Phase phase = block_phase(*clock, time, mode);
-  const Blend blend = blends() ? blend_of(*clock, time, 0.0) : Blend{};
+  const Phase phase = block_phase(clock, time, mode);
+  const Blend blend = blends() ? blend_of(clock, time, 0.0) : Blend{};
   return speed_ * std::abs(phase.along) + acceleration_ * std::abs(phase.bend) + offset_ * blend.offset +
          rate_ * blend.rate;
 }

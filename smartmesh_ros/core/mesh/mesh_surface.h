@@ -3,10 +3,10 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <vector>
 
 #include "map/motion.h"
+#include "map/untouched.h"
 #include "math/box_tree.h"
 #include "mesh/mesh_topology.h"
 #include "mesh/patch.h"
@@ -16,13 +16,13 @@ namespace smartmesh {
 // Ground of a mesh under a point: height [m] (NaN = none), and of the facet there the mean velocity at that point [m/s]
 // over a duration and the unit normal on the counterclockwise side.
 struct MeshPoint {
-  double height = std::numeric_limits<double>::quiet_NaN();
+  double height = NONE;
   Vec3 velocity, normal;
 };
 
 // Where a ray meets the ground: distance [m], infinity = nowhere, and the unit normal there.
 struct RayHit {
-  double distance = std::numeric_limits<double>::infinity();
+  double distance = INFINITE;
   Vec3 normal;
 };
 
@@ -36,22 +36,22 @@ struct MeshScratch {
   void begin(std::size_t vertices, std::size_t edges);
 };
 
-// The arrays belong to Python and have the meanings of TriangleMesh in terrain/trimesh.py.
+// Its parts have the meanings of TriangleMesh in terrain/trimesh.py.
 struct MeshSurface {
-  const double* now = nullptr;         // positions at the last update, (3, vertices)
-  const double* velocities = nullptr;  // (KEPT, 3, vertices)
-  const double* offsets = nullptr;     // (3, vertices), as those of HeightGrid for each axis
-  const double* rates = nullptr;       // (3, vertices)
-  const Clock* clock = nullptr;
-  const std::int64_t* triangles = nullptr;
-  int vertices = 0, triangle_count = 0;
+  int vertices, triangle_count;
+  const std::int64_t* triangles;                 // belong to Python
+  std::vector<double> now;                       // positions at the last update, (3, vertices)
+  Untouched<double> velocities, offsets, rates;  // (KEPT, 3, vertices), and (3, vertices) as those of HeightGrid
+  Clock clock{};
   Mode mode = Mode::Extrapolate;
-  double max_velocity = 0.0, smoothing = 0.0, shown = std::numeric_limits<double>::infinity();  // as in HeightGrid
-  long revision = 0;  // grows with every update
+  double max_velocity = 0.0, smoothing = 0.0, shown = INFINITE;  // as in HeightGrid
+  long revision = 0;                                             // grows with every update
 
   bool blends() const { return mode == Mode::Interpolate || (mode == Mode::Extrapolate && smoothing > 0.0); }
 
-  // Must be called once at first, and after the arrays have changed.
+  MeshSurface(const double* positions, int count, const std::int64_t* corners, int of_corners);
+
+  // Must be called after the arrays have changed.
   void update();
   // Measures the motion of the vertices; part of `update`.
   void measure();

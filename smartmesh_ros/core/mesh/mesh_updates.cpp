@@ -19,8 +19,9 @@ std::vector<Vertex> read_all(const MeshSurface& mesh, double time) {
 }
 
 // Writes the newest velocities, and the positions.
-void write(const MeshArrays& arrays, std::ptrdiff_t vertices, const NewVertices& fresh, const VelocityUpdate& update) {
-  double* velocities = arrays.velocities + arrays.clock->newest * 3 * vertices;
+void write(MeshSurface& mesh, const NewVertices& fresh, const VelocityUpdate& update) {
+  const std::ptrdiff_t vertices = mesh.vertices;
+  double* velocities = mesh.velocities.data() + mesh.clock.newest * 3 * vertices;
   if (fresh.velocities == nullptr)
     for (std::ptrdiff_t i = 0; i < 3 * vertices; ++i) velocities[i] *= update.keep;
   for (std::ptrdiff_t axis = 0; axis < 3; ++axis) {
@@ -30,17 +31,16 @@ void write(const MeshArrays& arrays, std::ptrdiff_t vertices, const NewVertices&
       if (fresh.velocities != nullptr)
         velocities[i] = fresh.velocities[from];
       else
-        velocities[i] += (fresh.positions[from] - arrays.now[i]) * update.inverse;
-      arrays.now[i] = fresh.positions[from];
+        velocities[i] += (fresh.positions[from] - mesh.now[i]) * update.inverse;
+      mesh.now[i] = fresh.positions[from];
     }
   }
 }
 
 // Writes the deviations of what was `shown` at an `instant` from the motion after the update.
-void write_deviations(const MeshSurface& mesh, const MeshArrays& arrays, const std::vector<Vertex>& shown,
-                      double instant) {
+void write_deviations(MeshSurface& mesh, const std::vector<Vertex>& shown, double instant) {
   const std::vector<Vertex> now = read_all(mesh, instant);
-  const double* newest = arrays.velocities + arrays.clock->newest * 3 * mesh.vertices;
+  const double* newest = mesh.velocities.data() + mesh.clock.newest * 3 * mesh.vertices;
   for (int v = 0; v < mesh.vertices; ++v) {
     const Vec3 off = shown[v].position - now[v].position,
                rate = (shown[v].displacement - now[v].displacement) * (1.0 / READ_OVER);
@@ -48,15 +48,15 @@ void write_deviations(const MeshSurface& mesh, const MeshArrays& arrays, const s
     for (int axis = 0; axis < 3; ++axis) {
       const std::ptrdiff_t i = static_cast<std::ptrdiff_t>(axis) * mesh.vertices + v;
       if (!(std::abs(newest[i]) <= mesh.max_velocity)) continue;  // a jump
-      arrays.offsets[i] = offs[axis], arrays.rates[i] = rates[axis];
+      mesh.offsets.data()[i] = offs[axis], mesh.rates.data()[i] = rates[axis];
     }
   }
 }
 
 }  // namespace
 
-void take_vertices(MeshSurface& mesh, const MeshArrays& arrays, const NewVertices& fresh, const Intervals& intervals) {
-  Clock& clock = *arrays.clock;
+void take_vertices(MeshSurface& mesh, const NewVertices& fresh, const Intervals& intervals) {
+  Clock& clock = mesh.clock;
   const std::ptrdiff_t size = 3 * static_cast<std::ptrdiff_t>(mesh.vertices), newest = clock.newest;
   const double instant = instant_of_update(fresh.time, clock.delay, mesh.shown, intervals.most);
   std::vector<Vertex> shown;
@@ -64,12 +64,12 @@ void take_vertices(MeshSurface& mesh, const MeshArrays& arrays, const NewVertice
   const VelocityUpdate update =
       note_update(clock, fresh.time, fresh.velocities != nullptr, fresh.chosen == nullptr, intervals);
   set_blend(clock, instant, mesh.mode, mesh.smoothing);
-  if (clock.newest != newest) std::fill_n(arrays.velocities + clock.newest * size, size, 0.0);
-  write(arrays, mesh.vertices, fresh, update);
-  if (mesh.blends()) std::fill_n(arrays.offsets, size, 0.0), std::fill_n(arrays.rates, size, 0.0);
+  if (clock.newest != newest) std::fill_n(mesh.velocities.data() + clock.newest * size, size, 0.0);
+  write(mesh, fresh, update);
+  if (mesh.blends()) std::fill_n(mesh.offsets.data(), size, 0.0), std::fill_n(mesh.rates.data(), size, 0.0);
   mesh.update();
   if (!mesh.blends() || clock.known == 0) return;
-  write_deviations(mesh, arrays, shown, instant);
+  write_deviations(mesh, shown, instant);
   mesh.measure();
 }
 

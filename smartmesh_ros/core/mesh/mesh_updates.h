@@ -6,15 +6,6 @@
 
 namespace smartmesh {
 
-// Arrays of a mesh that are written to, with the meanings of MeshSurface.
-struct MeshArrays {
-  double* now;
-  double* velocities;
-  double* offsets;
-  double* rates;
-  Clock* clock;
-};
-
 // New positions (3, count) [m] of the vertices `chosen` (count,), null = of all, at `time` [s], and their `velocities`
 // [m/s], null = not given.
 struct NewVertices {
@@ -25,8 +16,7 @@ struct NewVertices {
   double time;
 };
 
-// Writes new vertices to a mesh, whose arrays are those that `mesh` reads; see `take_heights`. Vertices that are not
-// chosen are at rest for that interval.
-void take_vertices(MeshSurface& mesh, const MeshArrays& arrays, const NewVertices& fresh, const Intervals& intervals);
+// Writes new vertices to a mesh; see `take_heights`. Vertices that are not chosen are at rest for that interval.
+void take_vertices(MeshSurface& mesh, const NewVertices& fresh, const Intervals& intervals);
 
 }  // namespace smartmesh

@@ -1,7 +1,6 @@
 // The ground near one body as a small triangle mesh with its neighbourhoods: what contacts are worked out from.
 #pragma once
 
-#include <limits>
 #include <vector>
 
 #include "map/window.h"
@@ -104,7 +103,7 @@ struct Reach {
   // Returns the height down to which height maps have walls at their holes and rims [m]; above all ground: none.
   virtual double bottom() const = 0;
   // Returns the depth of these walls below the samples [m], if they do not end at the bottom before.
-  virtual double depth() const { return std::numeric_limits<double>::infinity(); }
+  virtual double depth() const { return INFINITE; }
 
  protected:
   ~Reach() = default;

@@ -247,7 +247,7 @@ class CellAdder {
   double neighbour(int r, int c, int k) const {
     const auto around = [&](int j) { return height(r + AROUND[j % 6][0], c + AROUND[j % 6][1]); };
     const bool has_facet = !std::isnan(around(k + 1)) || !std::isnan(around(k + 5));
-    return has_facet ? around(k) : std::numeric_limits<double>::quiet_NaN();
+    return has_facet ? around(k) : NONE;
   }
 
   void add_peak(int r, int c) {

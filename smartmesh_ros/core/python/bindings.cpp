@@ -5,8 +5,6 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
-#include "python/record_layouts.h"
-
 namespace smartmesh {
 namespace {
 
@@ -22,6 +20,21 @@ View<T, sizeof...(Sizes)> view_of(const nb::object& self, T* data, Sizes... size
 auto samples_of(const nb::object& self, float* HeightGrid::*array) {
   const HeightGrid& map = nb::cast<Grid&>(self).grid;
   return view_of(self, map.*array, map.rows, map.columns);
+}
+
+template <auto array>
+auto vertices_of(nb::object self) {
+  MeshSurface& mesh = nb::cast<Mesh&>(self).surface;
+  return view_of(self, (mesh.*array).data(), 3, mesh.vertices);
+}
+
+auto mesh_velocities_of(nb::object self) {
+  const MeshSurface& mesh = nb::cast<Mesh&>(self).surface;
+  return view_of(self, mesh.velocities.data(), KEPT, 3, mesh.vertices);
+}
+
+auto mesh_clock_of(nb::object self) {
+  return view_of(self, reinterpret_cast<std::uint8_t*>(&nb::cast<Mesh&>(self).surface.clock), 1, sizeof(Clock));
 }
 
 auto velocities_of(nb::object self) {
@@ -45,6 +58,28 @@ nb::object fused_of(nb::object self) {
     return view_of(self, array.data(), map.grid.rows, map.grid.columns);
   };
   return nb::cast(std::make_tuple(view(map.fused), view(map.variances)));
+}
+
+// A field of a record that Python shares: its name, 'f' = numbers of double precision or 'i' = whole ones, how many,
+// and its place [bytes].
+using FieldLayout = std::tuple<std::string, std::string, std::size_t, std::size_t>;
+
+template <class Record, class Field>
+FieldLayout field(const char* name, Field Record::*member) {
+  static_assert(sizeof(Field) % 8 == 0, "numbers of eight bytes");
+  const Record record{};
+  const auto* at = reinterpret_cast<const char*>(&(record.*member));
+  constexpr bool is_whole = std::is_integral_v<Field> || std::is_enum_v<Field>;
+  return {name, is_whole ? "i" : "f", sizeof(Field) / 8,
+          static_cast<std::size_t>(at - reinterpret_cast<const char*>(&record))};
+}
+
+std::vector<FieldLayout> clock_layout() {
+  return {field("time", &Clock::time),         field("opened", &Clock::opened),  field("lifetime", &Clock::lifetime),
+          field("delay", &Clock::delay),       field("middle", &Clock::middle),  field("middle_1", &Clock::middle_1),
+          field("middle_2", &Clock::middle_2), field("since", &Clock::since),    field("until", &Clock::until),
+          field("known", &Clock::known),       field("newest", &Clock::newest),  field("intervals", &Clock::intervals),
+          field("count", &Clock::count),       field("updates", &Clock::updates)};
 }
 
 }  // namespace
@@ -85,15 +120,17 @@ NB_MODULE(_core, m) {
         return std::make_tuple(s.height, s.rise);
       });
   nb::class_<Mesh>(m, "Mesh")
-      .def(nb::init<States, Array<double, 3>, States, States, Array<std::uint8_t, 2>, Whole2>(),
-           "vertices"_a.noconvert(), "velocities"_a.noconvert(), "offsets"_a.noconvert(), "rates"_a.noconvert(),
-           "clock"_a.noconvert(), "triangles"_a.noconvert())
+      .def(nb::init<Doubles2, Whole2>(), "vertices"_a.noconvert(), "triangles"_a.noconvert())
+      .def_prop_ro("vertices", &vertices_of<&MeshSurface::now>)
+      .def_prop_ro("offsets", &vertices_of<&MeshSurface::offsets>)
+      .def_prop_ro("rates", &vertices_of<&MeshSurface::rates>)
+      .def_prop_ro("velocities", &mesh_velocities_of)
+      .def_prop_ro("clocks", &mesh_clock_of)
       .def("set_motion", &Mesh::set_motion, "mode"_a, "max_velocity"_a, "smoothing"_a)
       .def(
           "moves", [](const Mesh& m, double time) { return m.surface.moves(time); }, "time"_a)
       .def_prop_rw(
-          "shown", [](const Mesh& m) { return m.surface.shown; }, [](Mesh& m, double t) { m.surface.shown = t; })
-      .def("update", &Mesh::update);
+          "shown", [](const Mesh& m) { return m.surface.shown; }, [](Mesh& m, double t) { m.surface.shown = t; });
   add_ground(m);
   add_probe(m);
   add_contacts(m);
@@ -103,6 +140,5 @@ NB_MODULE(_core, m) {
   add_bodies(m);
   add_patches(m);
   add_rows(m);
-  add_scans(m);
   add_decks(m);
 }

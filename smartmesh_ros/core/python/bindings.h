@@ -17,7 +17,7 @@
 #include "ground/deck.h"
 #include "ground/tiles.h"
 #include "map/map_memory.h"
-#include "mesh/mesh_updates.h"
+#include "mesh/mesh_surface.h"
 #include "step/step_lock.h"
 
 namespace smartmesh {
@@ -168,62 +168,34 @@ struct Grid {
   }
 };
 
-// A triangle mesh's arrays, which stay alive with it.
+// A triangle mesh, whose memory Python sees. Python's triangles stay alive with it.
 struct Mesh {
-  MeshSurface surface;
-  States now, offsets, rates;
-  Array<double, 3> velocities;
-  Array<std::uint8_t, 2> clocks;
   Whole2 triangles;
+  MeshSurface surface;
 
-  Mesh(States now_3v, Array<double, 3> velocities_k3v, States offsets_3v, States rates_3v,
-       Array<std::uint8_t, 2> clocks_1, Whole2 triangles_t3)
-      : now(now_3v),
-        offsets(offsets_3v),
-        rates(rates_3v),
-        velocities(velocities_k3v),
-        clocks(clocks_1),
-        triangles(triangles_t3) {
-    const std::size_t count = now.shape(1), most = 1u << 28;
-    if (now.shape(0) != 3 || count < 3 || count > most)
+  Mesh(Doubles2 vertices_3v, Whole2 triangles_t3)
+      : triangles(checked(vertices_3v, triangles_t3)),
+        surface(vertices_3v.data(), static_cast<int>(vertices_3v.shape(1)), triangles.data(),
+                static_cast<int>(triangles.shape(0))) {}
+
+  static const Whole2& checked(const Doubles2& vertices, const Whole2& triangles) {
+    const std::size_t count = vertices.shape(1), most = 1u << 28;
+    if (vertices.shape(0) != 3 || count < 3 || count > most)
       throw std::invalid_argument("vertices must have the shape (3, V), with 3 to 2^28 vertices");
-    if (velocities.shape(0) != KEPT || velocities.shape(1) != 3 || velocities.shape(2) != count)
-      throw std::invalid_argument("velocities must have the shape (3, 3, V)");
-    check_table(offsets, 3, count, "offsets"), check_table(rates, 3, count, "rates");
-    if (clocks.shape(0) != 1 || clocks.shape(1) != sizeof(Clock))
-      throw std::invalid_argument("the clock must be one record of CLOCK");
     if (triangles.shape(1) != 3 || triangles.shape(0) < 1 || triangles.shape(0) > most)
       throw std::invalid_argument("triangles must have the shape (T, 3), with 1 to 2^28 triangles");
-    check_alignment(now.data(), sizeof(double)), check_alignment(velocities.data(), sizeof(double));
-    check_alignment(clocks.data(), alignof(Clock)), check_alignment(triangles.data(), sizeof(std::int64_t));
+    check_alignment(vertices.data(), sizeof(double)), check_alignment(triangles.data(), sizeof(std::int64_t));
+    for (std::size_t k = 0; k < vertices.size(); ++k) finite(vertices.data()[k], "vertices");
     for (std::size_t k = 0; k < triangles.size(); ++k)
       if (triangles.data()[k] < 0 || triangles.data()[k] >= static_cast<std::int64_t>(count))
         throw std::invalid_argument("a triangle uses vertex " + std::to_string(triangles.data()[k]) + "; there are " +
                                     std::to_string(count) + ", counted from 0");
-    surface.now = now.data(), surface.velocities = velocities.data();
-    surface.offsets = offsets.data(), surface.rates = rates.data();
-    surface.clock = reinterpret_cast<const Clock*>(clocks.data());
-    surface.triangles = triangles.data(), surface.triangle_count = static_cast<int>(triangles.shape(0));
-    surface.vertices = static_cast<int>(count);
-    update();
-  }
-
-  void update() {
-    for (std::size_t k = 0; k < now.size(); ++k)
-      if (!std::isfinite(now.data()[k])) throw std::invalid_argument("vertices must be finite numbers");
-    const StepLock lock;
-    surface.update();
-  }
-  // Returns the arrays as they are written, after a check of the clock.
-  MeshArrays arrays() {
-    Clock* clock = reinterpret_cast<Clock*>(clocks.data());
-    check_clock(*clock);
-    return {now.data(), velocities.data(), offsets.data(), rates.data(), clock};
+    return triangles;
   }
   void set_motion(int mode, double max_velocity, double smoothing) {
     const StepLock lock;
     surface.mode = mode_of(mode), surface.max_velocity = max_velocity, surface.smoothing = smoothing;
-    update();
+    surface.update();
   }
 };
 
@@ -233,32 +205,43 @@ struct DeckOfTiles {
   nb::list tiles;
 };
 
+// Grids, meshes and decks of a list of Python's, and a copy of the list, which Python may change: it must outlive them.
+struct Parts {
+  std::vector<HeightGrid*> grids;
+  std::vector<MeshSurface*> meshes;
+  std::vector<DeckOfTiles*> decks;
+  nb::list kept;
+
+  explicit Parts(const nb::list& parts) {
+    for (nb::handle part : parts) {
+      if (nb::isinstance<Mesh>(part))
+        meshes.push_back(&nb::cast<Mesh&>(part).surface);
+      else if (nb::isinstance<DeckOfTiles>(part))
+        decks.push_back(&nb::cast<DeckOfTiles&>(part));
+      else
+        grids.push_back(&nb::cast<Grid&>(part).grid);
+      kept.append(part);
+    }
+  }
+};
+
+// Sets the tiles of a terrain. Returns what must outlive them.
+inline nb::list set_tiles_of(Tiles& terrain, const nb::list& tiles) {
+  const Parts parts(tiles);
+  std::vector<Deck*> decks;
+  for (DeckOfTiles* deck : parts.decks) decks.push_back(&deck->deck);
+  const StepLock lock;
+  terrain.set_all(parts.grids, parts.meshes, decks);
+  return parts.kept;
+}
+
 // The tiles of a terrain of Python, which `kept` keeps alive.
 struct KeptTiles {
   Tiles tiles;
   nb::list kept;
-};
 
-// Sets the tiles of a terrain: grids, meshes and decks of Python. Returns what must outlive them: a copy of the list,
-// which Python may change.
-inline nb::list set_tiles_of(Tiles& terrain, const nb::list& tiles) {
-  std::vector<HeightGrid*> grids;
-  std::vector<MeshSurface*> meshes;
-  std::vector<Deck*> decks;
-  nb::list kept;
-  for (nb::handle tile : tiles) {
-    if (nb::isinstance<Mesh>(tile))
-      meshes.push_back(&nb::cast<Mesh&>(tile).surface);
-    else if (nb::isinstance<DeckOfTiles>(tile))
-      decks.push_back(&nb::cast<DeckOfTiles&>(tile).deck);
-    else
-      grids.push_back(&nb::cast<Grid&>(tile).grid);
-    kept.append(tile);
-  }
-  const StepLock lock;
-  terrain.set_all(grids, meshes, decks);
-  return kept;
-}
+  void set(const nb::list& parts) { kept = set_tiles_of(tiles, parts); }
+};
 
 // Each adds what its room needs.
 void add_queries(nb::module_& m);
@@ -268,7 +251,6 @@ void add_bodies(nb::module_& m);
 void add_patches(nb::module_& m);
 void add_rows(nb::module_& m);
 void add_contacts(nb::module_& m);
-void add_scans(nb::module_& m);
 void add_decks(nb::module_& m);
 void add_ground(nb::module_& m);
 void add_probe(nb::module_& m);

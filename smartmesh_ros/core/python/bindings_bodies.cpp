@@ -7,7 +7,6 @@
 #include "bullet/world.h"
 #include "python/tables.h"
 #include "shape/body_shape.h"
-#include "shape/hull_distance.h"
 #include "shape/lower_surface.h"
 #include "step/step_lock.h"
 

@@ -4,11 +4,9 @@
 namespace smartmesh {
 namespace {
 
-using Numbers = Array<const double, 1>;
-
 // Returns a sample of a pose (7,): position [m] and orientation (x, y, z, w), and of a velocity (6,): linear [m/s] and
 // angular [rad/s], none = not told.
-FrameSample sample_of(double time, const Numbers& pose, const std::optional<Numbers>& velocity) {
+FrameSample sample_of(double time, const Doubles1& pose, const std::optional<Doubles1>& velocity) {
   check_list(pose, 7, "a pose");
   FrameSample sample{finite(time, "the time"), vector_at(pose.data()), {}, {}};
   const double* q = pose.data() + 3;
@@ -25,7 +23,7 @@ FrameSample sample_of(double time, const Numbers& pose, const std::optional<Numb
 
 // Tells the motion of a deck's frame a sample.
 template <void (FrameMotion::*Way)(const FrameSample&)>
-void tell(DeckOfTiles& deck, double time, Numbers pose, std::optional<Numbers> velocity) {
+void tell(DeckOfTiles& deck, double time, Doubles1 pose, std::optional<Doubles1> velocity) {
   const FrameSample sample = sample_of(time, pose, velocity);
   const StepLock lock;
   (deck.deck.motion.*Way)(sample);
@@ -41,10 +39,7 @@ void set_tiles(DeckOfTiles& deck, const nb::list& tiles) {
 }  // namespace
 
 void add_decks(nb::module_& m) {
-  nb::class_<KeptTiles>(m, "Tiles")
-      .def(nb::init<>())
-      .def(
-          "set_tiles", [](KeptTiles& t, const nb::list& tiles) { t.kept = set_tiles_of(t.tiles, tiles); }, "tiles"_a);
+  nb::class_<KeptTiles>(m, "Tiles").def(nb::init<>()).def("set_tiles", &KeptTiles::set, "tiles"_a);
   nb::class_<DeckOfTiles>(m, "Deck")
       .def(nb::init<>())
       .def("set_tiles", &set_tiles, "tiles"_a)
@@ -59,7 +54,7 @@ void add_decks(nb::module_& m) {
       .def("put", &tell<&FrameMotion::put>, "time"_a, "pose"_a.noconvert(), "velocity"_a.noconvert().none())
       .def(
           "carry",
-          [](DeckOfTiles& d, int body, int link, Numbers place) {
+          [](DeckOfTiles& d, int body, int link, Doubles1 place) {
             const FrameSample sample = sample_of(0.0, place, {});
             const StepLock lock;
             if (body < 0 && d.deck.body >= 0) d.deck.motion.stop(d.deck.motion.time());
@@ -68,15 +63,16 @@ void add_decks(nb::module_& m) {
           "body"_a, "link"_a, "place"_a.noconvert())
       .def("memory",
            [](const DeckOfTiles& d) {
-             const std::vector<double> found = d.deck.motion.memory();
-             return array_of<double, 1>(found, {found.size()});
+             auto found = new_array<double, 1>({sizeof(FrameMemory) / sizeof(double)});
+             *reinterpret_cast<FrameMemory*>(found.data()) = d.deck.motion.memory();
+             return found;
            })
       .def(
           "recall",
-          [](DeckOfTiles& d, Numbers memory) {
-            check_list(memory, memory.shape(0), "the memory");
+          [](DeckOfTiles& d, Doubles1 memory) {
+            check_list(memory, sizeof(FrameMemory) / sizeof(double), "the memory");
             const StepLock lock;
-            if (!d.deck.motion.recall(memory.data(), memory.shape(0)))
+            if (!d.deck.motion.recall(*reinterpret_cast<const FrameMemory*>(memory.data())))
               throw std::invalid_argument("the memory is none of a frame");
           },
           "memory"_a.noconvert())

@@ -1,7 +1,7 @@
 // What Python sees of the ground in PyBullet's world.
 #include <algorithm>
-#include <limits>
 
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
@@ -150,8 +150,7 @@ struct Ground {
   // Returns the slots of bodies that began to fall, and of those that are lost; see bullet/falling.h.
   auto check_falls(double time, double depth) {
     const HeldWorld held = world();
-    const Falls found = smartmesh::check_falls(held->now, held->attached, finite(time, "the time"), depth);
-    return std::tuple(found.begun, found.lost);
+    return smartmesh::check_falls(held->now, held->attached, finite(time, "the time"), depth);
   }
   auto last_ground(int slot) const {
     const HeldWorld found = world();
@@ -221,13 +220,14 @@ struct Ground {
         throw std::invalid_argument("a slot is not in states");
       if (!found->attached.has(static_cast<int>(slot)) ||
           !found->attached.slots[slot].read(rows_of<BodyState>(states)[slot]))
-        std::fill_n(states.data() + BODY_COLUMNS * slot, BODY_COLUMNS, std::numeric_limits<double>::quiet_NaN());
+        std::fill_n(states.data() + BODY_COLUMNS * slot, BODY_COLUMNS, NONE);
     }
   }
   // Returns the point [m], the normal and the depth [m] of the deepest contact of a slot now, None if there is none.
   auto deepest_contact(int slot) {
     const HeldWorld held = world();
-    const auto found = held->deepest_contact(checked_slot(*held.world, slot));
+    held->attached.find_objects();
+    const auto found = held->narrowphase.deepest_contact(slot_in(held, slot));
     return found ? std::optional(std::tuple(tuple_of(found->point), tuple_of(found->normal), -found->distance))
                  : std::nullopt;
   }
@@ -262,9 +262,10 @@ void add_ground(nb::module_& m) {
       .def("wake_all", [](const Ground& g) { g.world()->sleep.wake_all(); })
       .def("begin", &Ground::begin, "time"_a, "duration"_a)
       .def("update", [](const Ground& g) { g.world()->update(); })
-      .def_prop_ro("rescues", [](const Ground& g) { return g.world()->rescues(); })
+      .def_prop_ro("rescues", [](const Ground& g) { return g.world()->rescues; })
       .def("check_falls", &Ground::check_falls, "time"_a, "depth"_a)
-      .def("find_falling", [](const Ground& g) { return find_falling(g.world()->attached); })
+      .def("find_falling",
+           [](const Ground& g) { return g.world()->attached.where([](const Slot& slot) { return slot.falls; }); })
       .def("last_ground", &Ground::last_ground, "slot"_a)
       .def("find_below",
            [](const Ground& g) {
@@ -281,7 +282,6 @@ void add_ground(nb::module_& m) {
       .def("recall", &Ground::recall, "slots"_a.noconvert(), "memory"_a.noconvert())
       .def("parts_memory", &Ground::parts_memory, "slot"_a)
       .def("recall_parts", &Ground::recall_parts, "slot"_a, "numbers"_a.noconvert())
-      .def("take_restored", [](const Ground& g) { take_restored(g.world()->now.world); })
       .def("forget", [](const Ground& g) { g.world()->forget(); })
       .def("keep_apart", &Ground::keep_apart, "body"_a)
       .def("deepest_contact", &Ground::deepest_contact, "slot"_a)

@@ -18,27 +18,6 @@ constexpr std::size_t MOST_SLOTS = 1u << 24;
 // Largest radius of a body [m].
 constexpr double MOST_RADIUS = 1e7;
 
-// Red, green, blue and alpha of a marker.
-using Colour = std::tuple<float, float, float, float>;
-
-// The maps, meshes and decks of a list.
-struct Parts {
-  std::vector<HeightGrid*> maps;
-  std::vector<MeshSurface*> meshes;
-  std::vector<DeckOfTiles*> decks;
-
-  explicit Parts(const nb::list& parts) {
-    for (nb::handle part : parts) {
-      if (nb::isinstance<Mesh>(part))
-        meshes.push_back(&nb::cast<Mesh&>(part).surface);
-      else if (nb::isinstance<DeckOfTiles>(part))
-        decks.push_back(&nb::cast<DeckOfTiles&>(part));
-      else
-        maps.push_back(&nb::cast<Grid&>(part).grid);
-    }
-  }
-};
-
 struct Patches {
   ShownPatches patches;
   std::vector<DeckPatches> on_decks;
@@ -46,13 +25,12 @@ struct Patches {
 
   void set_tiles(const nb::list& parts) {
     const Parts found(parts);
-    std::vector<nb::list> keep(1);
-    for (nb::handle part : parts) keep[0].append(part);
-    patches.set_tiles(found.maps, found.meshes);
+    std::vector<nb::list> keep{found.kept};
+    patches.set_tiles(found.grids, found.meshes);
     on_decks.clear();
     for (DeckOfTiles* deck : found.decks) {
       const Parts tiles(deck->tiles);
-      on_decks.emplace_back(deck->deck, static_cast<int>(on_decks.size()), tiles.maps, tiles.meshes);
+      on_decks.emplace_back(deck->deck, static_cast<int>(on_decks.size()), tiles.grids, tiles.meshes);
       keep.push_back(deck->tiles);
     }
     kept = keep;
@@ -149,7 +127,7 @@ struct Patches {
   // with their `ids` (n,), `lift` [m] above the ground, then markers that delete those of `gone` (m,).
   nb::bytes markers(const Slots& slots, const Slots& ids, const Slots& gone, bool clears,
                     std::tuple<std::int32_t, std::uint32_t> stamp, const std::string& frame, const std::string& ns,
-                    const Colour& colour, double lift) {
+                    const std::tuple<float, float, float, float>& colour, double lift) {
     const auto [red, green, blue, alpha] = colour;
     const MarkerStyle style{std::get<0>(stamp),        std::get<1>(stamp),      frame, ns,
                             {red, green, blue, alpha}, finite(lift, "the lift")};

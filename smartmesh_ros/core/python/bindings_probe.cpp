@@ -1,6 +1,6 @@
 // What Python sees of what the core reads in Bullet's memory, by the number of a client.
+#include "bullet/contact_points.h"
 #include "bullet/world.h"
-#include "bullet/world_probe.h"
 #include "python/tables.h"
 
 namespace smartmesh {
@@ -12,25 +12,36 @@ BulletWorld& world_at(int client) {
   return *world;
 }
 
-// Returns gravity (3) [m/s^2], duration [s], erp, friction erp and slop [m] of the world's solver (7,).
+// Returns of a world's solver gravity (3) [m/s^2], the duration of the last step [s], the shares of a penetration and
+// of a friction anchor's distance that a step corrects, and the penetration [m] that is left (7,).
 auto settings(int client) {
   const StepLock lock;
-  const SolverSettings found = settings_of(world_at(client).now.world);
-  const Vec3& g = found.gravity;
-  return array_of<double, 1>({g.x, g.y, g.z, found.duration, found.erp, found.friction_erp, found.slop}, {7});
+  btDiscreteDynamicsWorld& world = world_at(client).now.world;
+  const btContactSolverInfo& solver = world.getSolverInfo();
+  const btVector3 g = world.getGravity();
+  return array_of<double, 1>({g.x(), g.y(), g.z(), world.getDispatchInfo().m_timeStep, solver.m_erp2,
+                              solver.m_frictionERP, solver.m_linearSlop},
+                             {7});
 }
 
 // Returns the point (3) [m], the normal impulse and the impulse of friction (3) [N s] of each contact of a slot in the
 // last step (n, 7).
 auto contacts(int client, int slot) {
   std::vector<double> rows;
+  std::vector<OldContact> found;
   const StepLock lock;
   BulletWorld& world = world_at(client);
   world.attached.find_objects();
-  if (world.attached.has(slot) && world.attached.slots[slot].ground != nullptr)
-    for (const OldContact& c : contacts_of(world.now.world, *world.attached.slots[slot].ground))
+  const btCollisionObject* ground = world.attached.has(slot) ? world.attached.slots[slot].ground : nullptr;
+  btDispatcher& dispatcher = *world.now.world.getDispatcher();
+  for (int k = 0; ground != nullptr && k < dispatcher.getNumManifolds(); ++k) {
+    const btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(k);
+    if (manifold.getBody0() != ground && manifold.getBody1() != ground) continue;
+    read_contacts(manifold, found);
+    for (const OldContact& c : found)
       rows.insert(rows.end(),
                   {c.point.x, c.point.y, c.point.z, c.normal_impulse, c.friction.x, c.friction.y, c.friction.z});
+  }
   return array_of<double, 2>(rows, {rows.size() / 7, 7});
 }
 

@@ -1,19 +1,16 @@
-// What Python sees of queries of the ground: heights, facets and rays.
-#include <limits>
+// What Python sees of queries of the ground: heights, facets, rays and scans.
 
 #include "ground/ground_rays.h"
+#include "ground/height_scan.h"
 #include "mesh/mesh_reader.h"
 #include "python/bindings.h"
 
 namespace smartmesh {
 namespace {
 
-using Points = Array<const double, 2>;
 using Rows = Array<double, 1>;
-using Table = Array<double, 2>;
 
-constexpr double NONE = std::numeric_limits<double>::quiet_NaN();
-// Largest coordinate of a ray's origin, and its longest range [m], as in terrain/grid.py.
+// Largest coordinate of a ray's origin or a scan, and the longest range of a ray [m], as in terrain/grid.py.
 constexpr double MOST = 1e9;
 
 void check_instant(double time, double ahead) {
@@ -22,37 +19,31 @@ void check_instant(double time, double ahead) {
     throw std::invalid_argument("the time ahead must be above zero and finite");
 }
 
-// Grids and meshes as one terrain, which they outlive.
-struct Parts {
-  nb::list list;
-  Tiles terrain;
+// Takes some tiles, and returns a reader of them at `time` [s] for `count` points.
+GroundReader begin(KeptTiles& terrain, const nb::list& tiles, double time, std::size_t count) {
+  terrain.set(tiles);
+  GroundReader reader = terrain.tiles.reader(time, INSTANT);
+  reader.prepare(count);
+  return reader;
+}
 
-  void set(const nb::list& parts) { list = set_tiles_of(terrain, parts); }
-  // Returns a reader of some parts at `time` [s], for `count` points.
-  GroundReader begin(const nb::list& parts, double time, std::size_t count) {
-    set(parts);
-    GroundReader reader = terrain.reader(time, INSTANT);
-    reader.prepare(count);
-    return reader;
-  }
-  bool are(const nb::list& parts) const {
-    if (parts.size() != list.size()) return false;
-    for (std::size_t k = 0; k < list.size(); ++k)
-      if (!parts[k].is(list[k])) return false;
-    return true;
-  }
-};
+bool are_same(const nb::list& a, const nb::list& b) {
+  if (a.size() != b.size()) return false;
+  for (std::size_t k = 0; k < a.size(); ++k)
+    if (!a[k].is(b[k])) return false;
+  return true;
+}
 
 void write(double* at, const Vec3& v) { at[0] = v.x, at[1] = v.y, at[2] = v.z; }
 
 // Writes the heights [m] and vertical velocities [m/s] of the highest ground under points (N, 2) [m].
-void ground_heights(const nb::list& tiles, Points points, double time, Rows heights, Rows velocities) {
+void ground_heights(const nb::list& tiles, Doubles2 points, double time, Rows heights, Rows velocities) {
   const std::size_t count = points.shape(0);
   check_table(points, count, 2, "points"), check_list(heights, count, "heights"),
       check_list(velocities, count, "velocities");
   check_instant(time, INSTANT);
-  Parts parts;
-  GroundReader reader = parts.begin(tiles, time, count);
+  KeptTiles terrain;
+  GroundReader reader = begin(terrain, tiles, time, count);
   for (std::size_t k = 0; k < count; ++k) {
     const double x = points.data()[2 * k], y = points.data()[2 * k + 1];
     const GroundPoint ground = std::isfinite(x) && std::isfinite(y) ? reader.at(x, y) : GroundPoint{NONE, {}};
@@ -62,16 +53,16 @@ void ground_heights(const nb::list& tiles, Points points, double time, Rows heig
 
 // Writes the ground below points (N, 3) [m]: heights, normals (N, 3), velocities (N, 3), ages and coefficients of
 // friction. Rows of points without ground stay as they are.
-void ground_samples(const nb::list& tiles, Points points, double time, Rows heights, Table normals, Table velocities,
-                    Rows ages, Rows friction) {
+void ground_samples(const nb::list& tiles, Doubles2 points, double time, Rows heights, States normals,
+                    States velocities, Rows ages, Rows friction) {
   const std::size_t count = points.shape(0);
   check_table(points, count, 3, "points"), check_list(heights, count, "heights"),
       check_table(normals, count, 3, "normals");
   check_table(velocities, count, 3, "velocities"), check_list(ages, count, "ages"),
       check_list(friction, count, "friction");
   check_instant(time, INSTANT);
-  Parts parts;
-  GroundReader reader = parts.begin(tiles, time, count);
+  KeptTiles terrain;
+  GroundReader reader = begin(terrain, tiles, time, count);
   for (std::size_t k = 0; k < count; ++k) {
     const double* p = points.data() + 3 * k;
     if (!(std::isfinite(p[0]) && std::isfinite(p[1]))) continue;
@@ -82,9 +73,24 @@ void ground_samples(const nb::list& tiles, Points points, double time, Rows heig
   }
 }
 
+// Writes the heights (n, k) [m] of the highest ground at a pattern of points (k, 2) [m] in the frame of each pose (n,
+// 3), at `time` [s]; see ground/height_scan.h.
+void scan_heights_at(const nb::list& tiles, Doubles2 poses, Doubles2 pattern, double time, States heights) {
+  const std::size_t count = poses.shape(0), points = pattern.shape(0);
+  check_table(poses, count, 3, "poses"), check_table(pattern, points, 2, "pattern");
+  check_table(heights, count, points, "heights");
+  check_instant(time, INSTANT);
+  for (std::size_t k = 0; k < pattern.size(); ++k)
+    if (!(std::abs(pattern.data()[k]) <= MOST))
+      throw std::invalid_argument("the pattern must be finite and at most 1e9");
+  KeptTiles terrain;
+  GroundReader ground = begin(terrain, tiles, time, count * points);
+  scan_heights(ground, poses.data(), count, pattern.data(), points, MOST, heights.data());
+}
+
 // Casts rays onto grids and meshes.
 struct RayCaster {
-  Parts parts;
+  KeptTiles terrain;
   GroundRays rays;
 
   RayCaster() = default;
@@ -92,8 +98,8 @@ struct RayCaster {
 
   // Writes the distances (N,) [m], infinity = nothing, and the normals (N, 3) where rays meet the ground within `range`
   // [m]. Normals of other rays stay as they are.
-  void cast(const nb::list& tiles, Points origins, Points directions, double range, double time, Rows distances,
-            Table normals) {
+  void cast(const nb::list& tiles, Doubles2 origins, Doubles2 directions, double range, double time, Rows distances,
+            States normals) {
     const std::size_t count = origins.shape(0);
     check_table(origins, count, 3, "origins"), check_table(directions, count, 3, "directions");
     check_list(distances, count, "distances"), check_table(normals, count, 3, "normals");
@@ -101,8 +107,8 @@ struct RayCaster {
     if (!(range > 0.0 && range <= MOST)) throw std::invalid_argument("the range must be above zero and at most 1e9 m");
     for (std::size_t k = 0; k < count; ++k)
       check_ray(vector_at(origins.data() + 3 * k), vector_at(directions.data() + 3 * k));
-    if (!parts.are(tiles)) parts.set(tiles);
-    GroundReader ground = rays.begin(parts.terrain, time);
+    if (!are_same(terrain.kept, tiles)) terrain.set(tiles);
+    GroundReader ground = rays.begin(terrain.tiles, time);
     ground.prepare(count);
     for (std::size_t k = 0; k < count; ++k) {
       const RayHit hit =
@@ -137,7 +143,7 @@ void sample_grid(const Grid& grid, Slots indices, double time, double ahead, Row
 }
 
 // Writes the heights (h, w) [m] of the window of samples that starts at a row and column; NaN beyond the edge.
-void grid_window(const Grid& grid, int row, int column, double time, Table heights) {
+void grid_window(const Grid& grid, int row, int column, double time, States heights) {
   check_table(heights, heights.shape(0), heights.shape(1), "heights");
   check_instant(time, INSTANT);
   constexpr int most = 1 << 29;
@@ -158,7 +164,7 @@ auto grid_pose(const Grid& grid, double time) {
 }
 
 // Writes the positions (n, 3) [m] and mean velocities (n, 3) [m/s] over the time `ahead` [s] of vertices (n,).
-void sample_mesh(const Mesh& mesh, Slots indices, double time, double ahead, Table positions, Table velocities) {
+void sample_mesh(const Mesh& mesh, Slots indices, double time, double ahead, States positions, States velocities) {
   const std::size_t count = indices.shape(0);
   check_list(indices, count, "indices"), check_table(positions, count, 3, "positions");
   check_table(velocities, count, 3, "velocities");
@@ -182,6 +188,8 @@ void add_queries(nb::module_& m) {
         "velocities"_a.noconvert());
   m.def("ground_samples", &ground_samples, "tiles"_a, "points"_a.noconvert(), "time"_a, "heights"_a.noconvert(),
         "normals"_a.noconvert(), "velocities"_a.noconvert(), "ages"_a.noconvert(), "friction"_a.noconvert());
+  m.def("scan_heights", &scan_heights_at, "tiles"_a, "poses"_a.noconvert(), "pattern"_a.noconvert(), "time"_a,
+        "heights"_a.noconvert());
   nb::class_<RayCaster>(m, "RayCaster")
       .def(nb::init<>())
       .def("cast", &RayCaster::cast, "tiles"_a, "origins"_a.noconvert(), "directions"_a.noconvert(), "range"_a,

@@ -2,7 +2,6 @@
 #include <cmath>
 #include <vector>
 
-#include "map/fusion.h"
 #include "map/map_corrections.h"
 #include "map/map_updates.h"
 #include "map/sample_lattice.h"
@@ -16,6 +15,7 @@ using Heights = Array<float, 2>;
 using Pair = std::tuple<std::int64_t, std::int64_t>;
 
 constexpr std::size_t MOST_SIDE = 1u << 24;
+constexpr std::int64_t MOST_POINTS = 1024;
 constexpr std::int64_t FARTHEST_SAMPLE = std::int64_t{1} << 52;
 
 // Returns the rectangle of a map whose first sample is given, for samples (h, w).
@@ -54,8 +54,7 @@ void correct(Grid& grid, Pair first, Floats2 known, double time) {
   const Region place = place_of(grid.grid, first, known);
   if (!(grid.grid.settle > 0.0)) throw std::invalid_argument("settle must be above zero");
   const StepLock lock;
-  take_corrected(grid.writable(place), place,
-                 {known.data(), finite(time, "the time"), grid.grid.shown, grid.grid.settle});
+  take_corrected(grid.writable(place), place, known.data(), finite(time, "the time"));
 }
 
 // Fuses the rectangle whose first sample is `first` with heights `measured` (h, w). `noises`: their variances (h, w),
@@ -79,7 +78,7 @@ void fuse_at(Heights heights, Heights variances, Pair first, Floats2 measured, F
   for (std::size_t r = 0; r < high; ++r) {
     const std::size_t at = (static_cast<std::size_t>(row) + r) * heights.shape(1) + static_cast<std::size_t>(column);
     fuse(heights.data() + at, variances.data() + at, measured.data() + r * wide,
-         same ? all.data() : noises.data() + r * wide, wide, {grown, gate_squared});
+         same ? all.data() : noises.data() + r * wide, wide, grown, gate_squared);
   }
 }
 
@@ -87,7 +86,7 @@ void fuse_at(Heights heights, Heights variances, Pair first, Floats2 measured, F
 // of all; see `take_vertices`. `intervals`: as in Intervals [s].
 void move_vertices(Mesh& mesh, std::optional<Slots> chosen, Doubles2 fresh, std::optional<Doubles2> given, double time,
                    std::tuple<double, double> intervals) {
-  const std::size_t count = fresh.shape(1), vertices = mesh.now.shape(1);
+  const std::size_t count = fresh.shape(1), vertices = static_cast<std::size_t>(mesh.surface.vertices);
   check_table(fresh, 3, chosen ? chosen->size() : vertices, "positions");
   if (given) check_table(*given, 3, count, "velocities");
   if (chosen) check_list(*chosen, count, "chosen");
@@ -95,32 +94,12 @@ void move_vertices(Mesh& mesh, std::optional<Slots> chosen, Doubles2 fresh, std:
     if (chosen->data()[k] < 0 || chosen->data()[k] >= static_cast<std::int64_t>(vertices))
       throw std::invalid_argument("a vertex is not there");
   for (std::size_t k = 0; k < fresh.size(); ++k) finite(fresh.data()[k], "positions");
-  const MeshArrays arrays = mesh.arrays();
+  check_clock(mesh.surface.clock);
   const StepLock lock;
-  take_vertices(mesh.surface, arrays,
+  take_vertices(mesh.surface,
                 {chosen ? chosen->data() : nullptr, fresh.data(), given ? given->data() : nullptr,
                  static_cast<std::ptrdiff_t>(count), finite(time, "the time")},
                 {std::get<0>(intervals), std::get<1>(intervals)});
-}
-
-using Cells = Array<std::int64_t, 3>;
-using LastHeights = Array<double, 3>;
-using Steps = Array<double, 2>;
-
-Lattice lattice_of(const Cells& cells, const LastHeights& heights, const Steps& steps, const Pair& stride) {
-  const auto [down, along] = stride;
-  const std::size_t high = steps.shape(0), wide = steps.shape(1);
-  if (high < 1 || wide < 1 || cells.shape(0) != high || cells.shape(1) != wide || cells.shape(2) != 2)
-    throw std::invalid_argument("cells must have the shape (n, m, 2), steps (n, m)");
-  if (heights.shape(0) != high || heights.shape(1) != wide || heights.shape(2) != STENCIL)
-    throw std::invalid_argument("the heights of a lattice must have the shape (n, m, 3)");
-  if (down < 1 || along < 1 || down > static_cast<std::int64_t>(MOST_SIDE) ||
-      along > static_cast<std::int64_t>(MOST_SIDE))
-    throw std::invalid_argument("lattice points are 1 to 2^24 samples apart");
-  check_alignment(cells.data(), sizeof(std::int64_t));
-  check_alignment(heights.data(), sizeof(double)), check_alignment(steps.data(), sizeof(double));
-  return {cells.data(), heights.data(), steps.data(), static_cast<std::int64_t>(high), static_cast<std::int64_t>(wide),
-          down,         along};
 }
 
 PlacedMap placed(const Floats2& heights, double z, const Pair& first) {
@@ -134,15 +113,22 @@ PlacedMap placed(const Floats2& heights, double z, const Pair& first) {
       column};
 }
 
-nb::tuple compare_maps(Cells cells, LastHeights last, Steps steps, Pair stride, Floats2 heights, double z, Pair first,
-                       double least) {
-  const LatticeCounts n = compare(lattice_of(cells, last, steps, stride), placed(heights, z, first), least);
+// Makes a lattice for maps of some rows and columns, with about so many `points` along each side.
+void make_lattice(SampleLattice* made, std::int64_t rows, std::int64_t columns, std::int64_t points) {
+  const auto most = static_cast<std::int64_t>(MOST_SIDE);
+  if (rows < 0 || columns < 0 || rows > most || columns > most || points < 1 || points > MOST_POINTS)
+    throw std::invalid_argument(
+        "a lattice is for maps of at most 2^24 rows and columns, and has 1 to 1024 points a side");
+  new (made) SampleLattice(rows, columns, points);
+}
+
+nb::tuple compare_maps(SampleLattice& lattice, Floats2 heights, double z, Pair first, double least) {
+  const LatticeCounts n = lattice.compare(placed(heights, z, first), least);
   return nb::make_tuple(nb::make_tuple(n.known, n.changed, n.reversed, n.tilted, n.agreeing, n.tilt), n.median);
 }
 
-bool map_moved_as_one(Cells cells, LastHeights last, Steps steps, Pair stride, Floats2 heights, double z, Pair first,
-                      double least) {
-  return moved_as_one(lattice_of(cells, last, steps, stride), placed(heights, z, first), least);
+bool moved_as_one(const SampleLattice& lattice, Floats2 heights, double z, Pair first, double least) {
+  return lattice.moved_as_one(placed(heights, z, first), least);
 }
 
 }  // namespace
@@ -156,10 +142,11 @@ void add_updates(nb::module_& m) {
         "noises"_a.noconvert(), "grown"_a, "gate_squared"_a);
   m.def("move_vertices", &move_vertices, "mesh"_a, "chosen"_a.noconvert().none(), "fresh"_a.noconvert(),
         "given"_a.noconvert().none(), "time"_a, "intervals"_a);
-  m.def("compare_maps", &compare_maps, "cells"_a.noconvert(), "last"_a.noconvert(), "steps"_a.noconvert(), "stride"_a,
-        "heights"_a.noconvert(), "z"_a, "first"_a, "least"_a);
-  m.def("moved_as_one", &map_moved_as_one, "cells"_a.noconvert(), "last"_a.noconvert(), "steps"_a.noconvert(),
-        "stride"_a, "heights"_a.noconvert(), "z"_a, "first"_a, "least"_a);
+  nb::class_<SampleLattice>(m, "SampleLattice")
+      .def("__init__", &make_lattice, "rows"_a, "columns"_a, "points"_a)
+      .def("compare", &compare_maps, "heights"_a.noconvert(), "z"_a, "first"_a, "least"_a)
+      .def("moved_as_one", &moved_as_one, "heights"_a.noconvert(), "z"_a, "first"_a, "least"_a)
+      .def("forget", &SampleLattice::forget);
 }
 
 }  // namespace smartmesh

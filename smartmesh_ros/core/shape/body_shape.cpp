@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 namespace smartmesh {
@@ -64,7 +63,7 @@ BodyShape::BodyShape(std::vector<ShapePart> of) : parts(std::move(of)) {
 }
 
 double BodyShape::lowest(const BodyPose& body, const Vec3& up) const {
-  double least = std::numeric_limits<double>::infinity();
+  double least = INFINITE;
   for (const ShapePart& part : parts) {
     const Solid solid(part.shape, body);
     if (part.vertices.empty()) {

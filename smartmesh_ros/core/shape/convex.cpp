@@ -1,11 +1,12 @@
 #include "shape/convex.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <utility>
 
+#include "math/triangle.h"
 #include "shape/hull_faces.h"
-#include "shape/line_inside.h"
 
 namespace smartmesh {
 
@@ -16,6 +17,33 @@ constexpr double SAME_PLANE = 1e-4;
 // Distance up to which points count as one, in one plane or on one line, as a share of a hull's size. Above the
 // rounding of meshes in single precision, below what contacts notice.
 constexpr double SAME = 1e-6;
+// The part of a line p + t u that is inside a shape: from `first` to `last`, nowhere if these cross.
+struct LineInside {
+  Vec3 p, u;
+  double first = -INFINITE, last = INFINITE;
+
+  bool is_somewhere() const { return first <= last && last > -INFINITE; }
+  void clip(const Vec3& normal, double offset) {
+    const double start = dot(normal, p) - offset, change = dot(normal, u);
+    if (change < 0.0)
+      first = std::max(first, -start / change);
+    else if (change > 0.0)
+      last = std::min(last, -start / change);
+    else if (start > 0.0)
+      last = -INFINITE;
+  }
+  // Cuts by a ball around `centre`; with `level` by the cylinder about z through it.
+  void cut(const Vec3& centre, double radius, bool level) {
+    Vec3 w = p - centre, v = u;
+    if (level) w.z = v.z = 0.0;
+    const double vv = norm2(v), vw = dot(v, w), outside = norm2(w) - radius * radius, root = vw * vw - vv * outside;
+    if (vv == 0.0 ? outside > 0.0 : root < 0.0) {
+      last = -INFINITE;
+    } else if (vv > 0.0) {
+      first = std::max(first, (-vw - std::sqrt(root)) / vv), last = std::min(last, (-vw + std::sqrt(root)) / vv);
+    }
+  }
+};
 
 std::vector<Vec3> without_doubles(std::vector<Vec3> points, double tolerance) {
   std::sort(points.begin(), points.end(), [](const Vec3& a, const Vec3& b) { return a.x < b.x; });
@@ -146,7 +174,7 @@ bool is_passed(const Convex& shape, const Vec3& p, const Vec3& q) {
 
 double first_inside(const Convex& shape, const Vec3& p, const Vec3& u) {
   const LineInside all{p, u};
-  double first = FAR_ALONG;
+  double first = INFINITE;
   const auto join = [&](const LineInside& part) {
     if (part.is_somewhere()) first = std::min(first, part.first);
   };
@@ -167,6 +195,25 @@ double first_inside(const Convex& shape, const Vec3& p, const Vec3& u) {
     }
   }
   return first;
+}
+
+// The nearest point is on a face that is seen from outside.
+double distance_outside(const Polytope& hull, const Vec3& p) {
+  const bool is_solid = hull.faces.size() > 2;
+  double least = INFINITE, weights[3];
+  for (const PolyFace& face : hull.faces) {
+    if (is_solid && dot(face.normal, p) <= face.offset) continue;
+    const auto corner = [&](int k) { return hull.vertices[hull.loops[face.first + k]]; };
+    for (int k = 1; k + 1 < face.count; ++k)
+      least = std::min(least, nearest_weights(p, corner(0), corner(k), corner(k + 1), face.normal, weights));
+  }
+  if (is_solid) return std::isinf(least) ? 0.0 : std::sqrt(least);
+  for (const Vec3& vertex : hull.vertices) least = std::min(least, norm2(p - vertex));
+  for (const PolyEdge& edge : hull.edges) {
+    const Vec3 &a = hull.vertices[edge.end[0]], &b = hull.vertices[edge.end[1]];
+    least = std::min(least, norm2(a + (b - a) * std::clamp(along_segment(p, a, b), 0.0, 1.0) - p));
+  }
+  return std::sqrt(least);
 }
 
 Convex ball(double radius) {

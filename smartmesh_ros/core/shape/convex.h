@@ -51,6 +51,9 @@ bool is_passed(const Convex& shape, const Vec3& p, const Vec3& q);
 // The edges of a hull are not rounded.
 double first_inside(const Convex& shape, const Vec3& p, const Vec3& u);
 
+// Returns the distance of a point from the core of a hull [m], zero inside; a flat hull has no inside.
+double distance_outside(const Polytope& hull, const Vec3& p);
+
 Convex ball(double radius);
 Convex capsule(double radius, double half);
 Convex cylinder(double radius, double half);

@@ -2,11 +2,23 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace smartmesh {
 
 namespace {
+
+// Returns the lowest point of a shape along a unit vector, both in its frame.
+Vec3 lowest_point(const Convex& shape, const Vec3& up) {
+  if (shape.kind == ShapeKind::Cylinder) {
+    const double level = std::hypot(up.x, up.y), share = level > 0.0 ? shape.half.x / level : 0.0;
+    return {-up.x * share, -up.y * share, std::copysign(shape.half.z, -up.z)};
+  }
+  const std::vector<Vec3>& corners = shape.core.vertices;
+  const auto is_lower = [&](const Vec3& a, const Vec3& b) { return dot(a, up) < dot(b, up); };
+  return *std::min_element(corners.begin(), corners.end(), is_lower) - up * shape.rounding;
+}
+
+}  // namespace
 
 Convex convex_of(const ShapePart& part) {
   const Shape& shape = part.shape;
@@ -23,19 +35,6 @@ Convex convex_of(const ShapePart& part) {
       return hull(part.vertices, shape.rounding);
   }
 }
-
-// Returns the lowest point of a shape along a unit vector, both in its frame.
-Vec3 lowest_point(const Convex& shape, const Vec3& up) {
-  if (shape.kind == ShapeKind::Cylinder) {
-    const double level = std::hypot(up.x, up.y), share = level > 0.0 ? shape.half.x / level : 0.0;
-    return {-up.x * share, -up.y * share, std::copysign(shape.half.z, -up.z)};
-  }
-  const std::vector<Vec3>& corners = shape.core.vertices;
-  const auto is_lower = [&](const Vec3& a, const Vec3& b) { return dot(a, up) < dot(b, up); };
-  return *std::min_element(corners.begin(), corners.end(), is_lower) - up * shape.rounding;
-}
-
-}  // namespace
 
 LowerSurface::LowerSurface(const std::vector<BodyShape>& shapes) {
   for (const BodyShape& shape : shapes) {
@@ -58,7 +57,6 @@ Bounds LowerSurface::bounds(const BodyPose* poses) const {
 }
 
 void LowerSurface::find(const BodyPose* poses, const double* points, std::size_t count, double* heights) const {
-  constexpr double NONE = std::numeric_limits<double>::quiet_NaN();
   std::fill(heights, heights + count, NONE);
   for (std::size_t link = 0; link < links_.size(); ++link) {
     for (const Part& part : links_[link]) {

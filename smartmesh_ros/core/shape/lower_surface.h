@@ -8,6 +8,9 @@
 
 namespace smartmesh {
 
+// Returns a part in its own frame, with its features.
+Convex convex_of(const ShapePart& part);
+
 // The convex parts of a body or of several links.
 class LowerSurface {
  public:

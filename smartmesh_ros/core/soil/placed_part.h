@@ -20,13 +20,6 @@ struct PlacedPart {
 
 PlacedPart place_above(const SoilLattice& soil, const Solid& solid, double time);
 
-// Rectangle of samples: first row and column, last row and column; none if `bottom` < `top`.
-struct SampleRectangle {
-  int top = 0, left = 0, bottom = -1, right = -1;
-
-  bool empty() const { return bottom < top || right < left; }
-};
-
 // Returns the samples within a distance of a part's middle along columns `x` and rows `y` [m]; none for a body that was
 // thrown to infinity.
 SampleRectangle samples_around(const SoilLattice& soil, const PlacedPart& placed, double x, double y);

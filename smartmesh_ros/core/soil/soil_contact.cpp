@@ -2,13 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace smartmesh {
 
 namespace {
 
-constexpr double INFINITE = std::numeric_limits<double>::infinity();
 // Largest friction coefficient of a spring. Cohesion makes that of light bodies large without limit.
 constexpr double MOST_FRICTION = 2.0;
 // Most rounds of the search for the place of a body at the end of a step; Newton's method needs two to five. Relative
@@ -46,13 +44,13 @@ void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, double s
   const SampleRectangle all = samples_around(soil, placed, half_extent(placed.shape, 0), half_extent(placed.shape, 1));
   if (all.empty()) return;
   // Of round shapes, that part is enough which may be below the highest ground.
-  const double below = soil.highest(all.top, all.left, all.bottom, all.right) + HIGHER + deepest - placed.z;
+  const double below = soil.highest(all) + HIGHER + deepest - placed.z;
   const auto [x, y] = half_extents_below(placed.shape, below);
   const SampleRectangle under = samples_around(soil, placed, x, y);
   if (under.empty()) return;
   const double spacing = soil.spacing();
   const auto [top, left, bottom, right] = under;
-  soil.renew(top, left, bottom, right, step.last);
+  soil.renew(under, step.last);
   soils_.clear();
   for (int kind = 0; kind < soil.soil_count(); ++kind) {
     soils_.push_back(under_load(soil.soil(kind), contact_width(placed.shape), step.dt));

@@ -75,12 +75,16 @@ double SoilLattice::level_at(int row, int column) const {
          part(v * (1.0 - u), mapped(r + 1, c)) + part(v * u, mapped(r + 1, c + 1));
 }
 
-double SoilLattice::highest(int top, int left, int bottom, int right) const {
-  const int last_row = std::min(bottom / refine_ + 1, map_.rows - 1);
-  const int last_column = std::min(right / refine_ + 1, map_.columns - 1);
+SampleRectangle SoilLattice::mapped_around(const SampleRectangle& samples) const {
+  return {samples.top / refine_, samples.left / refine_, std::min(samples.bottom / refine_ + 1, map_.rows - 1),
+          std::min(samples.right / refine_ + 1, map_.columns - 1)};
+}
+
+double SoilLattice::highest(const SampleRectangle& samples) const {
+  const auto [top, left, bottom, right] = mapped_around(samples);
   double found = -1e300;
-  for (int r = top / refine_; r <= last_row; ++r)
-    for (int c = left / refine_; c <= last_column; ++c)
+  for (int r = top; r <= bottom; ++r)
+    for (int c = left; c <= right; ++c)
       if (mapped(r, c) > found) found = mapped(r, c);  // not NaN
   return found;
 }
@@ -100,11 +104,10 @@ bool SoilLattice::renew(int row, int column, std::int32_t last) {
   return sample.yield.plastic > 0.0;
 }
 
-void SoilLattice::renew(int top, int left, int bottom, int right, std::int32_t last) {
-  const int last_row = std::min(bottom / refine_ + 1, map_.rows - 1);
-  const int last_column = std::min(right / refine_ + 1, map_.columns - 1);
-  for (int r = top / refine_; r <= last_row; ++r) {
-    for (int c = left / refine_; c <= last_column; ++c) {
+void SoilLattice::renew(const SampleRectangle& samples, std::int32_t last) {
+  const auto [top, left, bottom, right] = mapped_around(samples);
+  for (int r = top; r <= bottom; ++r) {
+    for (int c = left; c <= right; ++c) {
       const float height = mapped(r, c);
       const auto [known, is_new] = known_.try_emplace(node_index(r, c), height);
       if (is_new || known->second == height || (std::isnan(known->second) && std::isnan(height))) continue;
@@ -132,8 +135,9 @@ const FineSample* SoilLattice::find(int row, int column) const {
 }
 
 bool SoilLattice::is_known_around(int row, int column) const {
-  for (int r = row / refine_; r <= std::min(row / refine_ + 1, map_.rows - 1); ++r) {
-    for (int c = column / refine_; c <= std::min(column / refine_ + 1, map_.columns - 1); ++c) {
+  const auto [top, left, bottom, right] = mapped_around({row, column, row, column});
+  for (int r = top; r <= bottom; ++r) {
+    for (int c = left; c <= right; ++c) {
       const auto known = known_.find(node_index(r, c));
       if (known == known_.end() || known->second != mapped(r, c)) return false;
     }
@@ -151,7 +155,7 @@ double SoilLattice::below_map(int row, int column, std::int32_t last) const {
   return is_loaded ? pressed : 0.0;  // as `renew` will have it
 }
 
-SoilLattice::Around SoilLattice::around(int node_row, int node_column) const {
+SampleRectangle SoilLattice::around(int node_row, int node_column) const {
   const int half = refine_ / 2, row = node_row * refine_, column = node_column * refine_;
   return {std::max(0, row - half), std::max(0, column - half), std::min(row + half, rows() - 1),
           std::min(column + half, columns() - 1)};

@@ -46,6 +46,13 @@ struct SoilMemory {
   std::vector<float> heights;
 };
 
+// Rectangle of samples: first row and column, last row and column; none if `bottom` < `top`.
+struct SampleRectangle {
+  int top = 0, left = 0, bottom = -1, right = -1;
+
+  bool empty() const { return bottom < top || right < left; }
+};
+
 class SoilLattice {
  public:
   // `spacing` [m]: largest of the fine samples.
@@ -63,11 +70,11 @@ class SoilLattice {
   // Takes which soil each sample of the map is. Soil of another kind keeps its sinkage, but has borne nothing yet.
   void set_kinds(const std::uint8_t* kinds);
 
-  // Takes the ground from a row and column to others, all included, for new soil where others changed the map. What is
-  // under a body since the `last` step keeps its sinkage: it moves with the ground.
-  void renew(int top, int left, int bottom, int right, std::int32_t last);
+  // Takes the ground of some fine samples for new soil where others changed the map. What is under a body since the
+  // `last` step keeps its sinkage: it moves with the ground.
+  void renew(const SampleRectangle& samples, std::int32_t last);
   // Returns the highest of the map's samples around these, without the map's z [m]; -1e300 = holes alone.
-  double highest(int top, int left, int bottom, int right) const;
+  double highest(const SampleRectangle& samples) const;
   // Returns how far a fine sample is pressed below the map, which shows the means around its samples, and later [m].
   // `last`: as in `renew`, of loads that still press it.
   double below_map(int row, int column, std::int32_t last) const;
@@ -89,10 +96,6 @@ class SoilLattice {
  private:
   static constexpr int SIDE_SHIFT = 4, SIDE = 1 << SIDE_SHIFT;
   using Block = std::array<FineSample, SIDE * SIDE>;
-  // First and last rows and columns.
-  struct Around {
-    int top, left, bottom, right;
-  };
 
   std::int64_t node_index(int row, int column) const { return static_cast<std::int64_t>(row) * map_.columns + column; }
   float mapped(int row, int column) const { return map_.heights[map_.index(row, column)]; }
@@ -105,8 +108,10 @@ class SoilLattice {
   bool renew(int row, int column, std::int32_t last);
   // Returns a fine sample, null if it was never looked at.
   const FineSample* find(int row, int column) const;
+  // Returns the samples of the map around some fine ones.
+  SampleRectangle mapped_around(const SampleRectangle& samples) const;
   // Returns the fine samples around a sample of the map.
-  Around around(int node_row, int node_column) const;
+  SampleRectangle around(int node_row, int node_column) const;
   // Returns the mean sinkage around a sample of the map [m].
   double mean_around(int node_row, int node_column) const;
 

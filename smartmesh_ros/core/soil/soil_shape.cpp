@@ -1,19 +1,14 @@
 #include "soil/soil_shape.h"
 
-#include <limits>
-
 namespace smartmesh {
 
 namespace {
 
-constexpr double INFINITE = std::numeric_limits<double>::infinity();
 const double SQRT2 = std::sqrt(2.0);
 // Rise of an axis above which a cylinder stands.
 constexpr double STANDS = 0.7;
 // Slope below which a face counts as vertical.
 constexpr double LEVEL = 1e-9;
-
-double along_grid(const Vec3& v, int along) { return along == 0 ? v.x : v.y; }
 
 int most_vertical(const Vec3 (&axis)[3]) {
   const double x = std::abs(axis[0].z), y = std::abs(axis[1].z), z = std::abs(axis[2].z);
@@ -184,11 +179,11 @@ double contact_width(const Underside& shape) {
 double half_extent(const Underside& shape, int along) {
   const double half = shape.solid.extent_along(along == 0 ? Vec3{1.0, 0.0, 0.0} : Vec3{0.0, 1.0, 0.0});
   if (shape.kind == ShapeKind::Cylinder && shape.upright == 2) return half + SQRT2 * shape.spacing;
-  if (shape.kind == ShapeKind::Cylinder) return half + shape.spacing * 2.0 * std::abs(along_grid(shape.axis(2), along));
+  if (shape.kind == ShapeKind::Cylinder) return half + shape.spacing * 2.0 * std::abs(component(shape.axis(2), along));
   double found = half;
   if (shape.kind == ShapeKind::Box)
     for (int k = 0; k < 3; ++k)
-      if (k != shape.upright) found += shape.margin[k] * std::abs(along_grid(shape.axis(k), along));
+      if (k != shape.upright) found += shape.margin[k] * std::abs(component(shape.axis(k), along));
   return found;
 }
 
@@ -202,7 +197,7 @@ bool lies(const Solid& solid) {
   return (kind == ShapeKind::Cylinder || kind == ShapeKind::Capsule) && std::abs(solid.axes.row[2].z) < STANDS;
 }
 
-HalfLengths half_extents_below(const Underside& shape, double below) {
+std::pair<double, double> half_extents_below(const Underside& shape, double below) {
   const double x = half_extent(shape, 0), y = half_extent(shape, 1), radius = shape.half[0];
   const bool is_ball = shape.kind == ShapeKind::Ball;
   if (!is_ball && !lies(shape.solid)) return {x, y};

@@ -4,6 +4,7 @@
 // must go down with it: between samples the ground is interpolated.
 #pragma once
 
+#include <utility>
 #include <vector>
 
 #include "shape/solid.h"
@@ -61,12 +62,7 @@ bool stands_level(const Underside& shape);
 // Returns true if a cylinder or capsule lies on its side, so that it rolls about its own axis 2.
 bool lies(const Solid& solid);
 
-// Half lengths along columns and rows [m].
-struct HalfLengths {
-  double x, y;
-};
-
 // Returns how far from the middle, along columns and rows, a shape may be `below` a height above its middle [m].
-HalfLengths half_extents_below(const Underside& shape, double below);
+std::pair<double, double> half_extents_below(const Underside& shape, double below);
 
 }  // namespace smartmesh

@@ -1,7 +1,6 @@
 #include "step/correction.h"
 
 #include <cmath>
-#include <limits>
 
 #include "ground/tiles.h"
 
@@ -63,7 +62,7 @@ void level_axes(const Solid& solid, Vec3 (&level)[2]) {
 // Returns the height of the ground under a point [m]; NaN beyond the map and over holes.
 double height_under(const HeightGrid& grid, GridReader& reader, const GridPose& pose, const Vec3& p) {
   const GridPoint place = to_grid(pose, grid.resolution, p.x, p.y);
-  if (!is_on(grid, place)) return std::numeric_limits<double>::quiet_NaN();
+  if (!is_on(grid, place)) return NONE;
   return facet_at(grid, reader, clamped(grid, place), INSTANT).height;
 }
 

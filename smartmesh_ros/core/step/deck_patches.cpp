@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 namespace smartmesh {
 
@@ -15,10 +14,6 @@ constexpr long OF_DECK = 1L << 40;
 bool is_below(const ShownPatch& on, double thickness) {
   const double top = on.body.middle.z + on.body.radius + thickness;
   return std::none_of(on.points.begin(), on.points.end(), [&](const Vec3& p) { return p.z <= top; });
-}
-
-bool differ(const std::vector<Vec3>& a, const std::vector<Vec3>& b) {
-  return a.size() != b.size() || std::memcmp(a.data(), b.data(), a.size() * sizeof(Vec3)) != 0;
 }
 
 }  // namespace
@@ -76,7 +71,7 @@ void DeckPatches::show(const ShownPatch& on, const FrameState& frame, ShownPatch
   const Vec3 linear = frame.velocity_at(middle) + frame.pose.rotation * on.linear;
   const Vec3 angular = frame.velocity.angular + frame.pose.rotation * on.angular;
   const bool moves_otherwise = norm2(linear - shown.linear) + norm2(angular - shown.angular) > 0.0;
-  const bool is_new = moves_otherwise || differ(points, shown.points) || triangles != shown.triangles;
+  const bool is_new = moves_otherwise || !are_same(points, shown.points) || triangles != shown.triangles;
   if (is_new) shown.points_revision = std::max(shown.points_revision, OF_DECK * (number_ + 1)) + 1;
   if (is_new || on.near != shown.near) shown.near_revision = std::max(shown.near_revision, OF_DECK * (number_ + 1)) + 1;
   shown.linear = linear, shown.angular = angular;

@@ -4,16 +4,6 @@
 
 namespace smartmesh {
 
-namespace {
-
-constexpr std::int32_t TRIANGLE_LIST = 11;
-
-void put_header(const MarkerStyle& style, CdrBytes& bytes) {
-  bytes.put(style.sec), bytes.put(style.nanosec), bytes.put(style.frame);
-}
-
-}  // namespace
-
 void CdrBytes::put(const std::string& text) {
   put(static_cast<std::uint32_t>(text.size() + 1));
   data_.insert(data_.end(), text.begin(), text.end());
@@ -34,8 +24,8 @@ void CdrBytes::start(std::uint32_t count) {
 
 void put_marker(const MarkerStyle& style, std::int32_t id, MarkerAction action, const ShownPatch* patch,
                 CdrBytes& bytes) {
-  put_header(style, bytes);
-  bytes.put(style.ns);
+  constexpr std::int32_t TRIANGLE_LIST = 11;
+  bytes.put(style.sec), bytes.put(style.nanosec), bytes.put(style.frame), bytes.put(style.ns);
   bytes.put(id), bytes.put(TRIANGLE_LIST), bytes.put(static_cast<std::int32_t>(action));
   bytes.put(Vec3{0.0, 0.0, patch == nullptr ? 0.0 : style.lift}), bytes.put(Vec3{}), bytes.put(1.0);  // pose
   bytes.put(Vec3{1.0, 1.0, 1.0});                                                                     // scale

@@ -2,14 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
-#include <limits>
 
 namespace smartmesh {
 
 namespace {
 
-constexpr double NONE = std::numeric_limits<double>::quiet_NaN();
 // Samples on each side of the middle of the largest patch. Larger bodies get fewer samples than the map has.
 constexpr int MOST_RINGS = 32;
 // Height up to which, and depth to which, a body that always has a patch looks for meshes [m].
@@ -20,11 +17,6 @@ constexpr int NAME_BITS = 40;
 constexpr double ROUNDING = 1e-9;
 
 double distance_to(double value, double low, double high) { return std::max({low - value, value - high, 0.0}); }
-
-// Holes are equal, too.
-bool are_same(const std::vector<Vec3>& a, const std::vector<Vec3>& b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(Vec3)) == 0;
-}
 
 // Returns the squared distance from a point to a triangle, both seen from above.
 double distance2_seen_from_above(const Vec3& p, const std::array<std::int32_t, 3>& corners,

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <cstring>
 #include <vector>
 
 #include "ground/tiles.h"
@@ -31,6 +32,11 @@ struct PatchSquare {
   int last_row() const { return row + (side - 1) * stride; }
   int last_column() const { return column + (side - 1) * stride; }
 };
+
+// Returns true if points are the same to the bit; holes are, too.
+inline bool are_same(const std::vector<Vec3>& a, const std::vector<Vec3>& b) {
+  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(Vec3)) == 0;
+}
 
 // The patch of one body. It is kept, and read anew only if the body came elsewhere or the ground changed.
 struct ShownPatch {

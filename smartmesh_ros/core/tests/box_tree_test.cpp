@@ -2,7 +2,6 @@
 #include "math/box_tree.h"
 
 #include <algorithm>
-#include <limits>
 #include <random>
 
 #include <gtest/gtest.h>

@@ -10,20 +10,6 @@ namespace {
 
 Quaternion about_x(double angle) { return {std::sin(0.5 * angle), 0.0, 0.0, std::cos(0.5 * angle)}; }
 
-TEST(Frame, FollowsConstantAccelerationsExactly) {
-  const auto at = [](double t) { return Vec3{1.0 + 2.0 * t + 1.5 * t * t, -t, 0.5 * t * t}; };
-  const auto turned = [](double t) { return 0.3 + 0.4 * t + 0.2 * t * t; };
-  FrameMotion motion;
-  for (double t : {0.0, 0.05, 0.1, 0.25}) motion.note({t, at(t), about_x(turned(t)), {}});
-  const double t = 0.35;
-  const FrameState found = motion.at(t);
-  EXPECT_NEAR(norm(found.pose.at - at(t)), 0.0, 1e-12);
-  EXPECT_NEAR(norm(found.velocity.linear - Vec3{2.0 + 3.0 * t, -1.0, t}), 0.0, 1e-12);
-  EXPECT_NEAR(norm(found.velocity.angular - Vec3{0.4 + 0.4 * t, 0.0, 0.0}), 0.0, 1e-12);
-  const Vec3 y = found.pose.rotation * Vec3{0.0, 1.0, 0.0};
-  EXPECT_NEAR(std::atan2(y.z, y.y), turned(t), 1e-12);
-}
-
 TEST(Frame, ThatStopsDoesNotGoBack) {
   FrameMotion motion;
   for (double t : {0.0, 0.1, 0.2, 0.3, 0.4}) motion.note({t, {std::min(t, 0.3), 0.0, 0.0}, {}, {}});
@@ -87,22 +73,6 @@ TEST(Deck, IsTouchedAsGroundInItsFrame) {
     EXPECT_NEAR(local.z, 0.0, 1e-12);
     EXPECT_NEAR(norm(contact.point + contact.ground.velocity * step - end.to_world(local)), 0.0, 1e-12);
     EXPECT_NEAR(norm(contact.ground.angular - velocity.angular), 0.0, 1e-12);
-  }
-}
-
-TEST(Deck, IsAsThickAsItIs) {
-  Level level;
-  Deck deck;
-  deck.tiles.set_all({&level.grid}, {});
-  const Convex shape = box({0.1, 0.1, 0.1});
-  for (const double depth : {0.05, 0.4, 0.6}) {
-    deck.thickness = 0.5;
-    std::vector<Contact> contacts;
-    Seams seams;
-    Approach body;
-    body.duration = 1.0 / 240.0, body.margin = 1e-3;
-    DeckSearch().add(shape, {{}, {0.0, 0.0, -depth}}, deck, {0, {}, 0.0}, 0.0, body, contacts, seams);
-    EXPECT_EQ(contacts.empty(), depth > deck.thickness) << depth;
   }
 }
 
