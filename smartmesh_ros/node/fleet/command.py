@@ -5,7 +5,6 @@ A process that ends is restarted. Stop the fleet with Ctrl-C or SIGTERM, or set 
 
 from __future__ import annotations
 
-import argparse
 import math
 import subprocess
 import sys
@@ -139,8 +138,7 @@ def run(plan: FleetPlan, bodies: int, seconds: float) -> None:
 
 
 def main(args: list[str] | None = None) -> None:
-    """Run the command line."""
-    parser = Parser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__)
     parser.add_argument("--nodes", type=number(int, 1, 100), default=4, help="nodes that share the terrain")
     parser.add_argument("--bodies", type=number(int, 0, MOST_BODIES), default=100, help="balls on it")
     seconds = number(float, 0.0, math.inf)
