@@ -9,7 +9,7 @@ import math
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -82,12 +82,6 @@ def grid(count: int) -> Iterator[tuple[str, float, float, float]]:
         yield f"ball_{index}", SPACING * (column - 0.5 * side), SPACING * (row - 0.5 * side), START_HEIGHT
 
 
-def line_about(front: Mapping[str, str], timing: Timing) -> str:
-    """Return the real-time factor and the front's diagnostics in one line."""
-    counts = "  ".join(f"{key.removesuffix('/terrain_collider')}: {value}" for key, value in front.items() if key)
-    return f"real-time {timing.real_time_factor:.2f}  {counts}"
-
-
 @contextmanager
 def processes(commands: dict[str, list[str]]) -> Iterator[dict[str, subprocess.Popen[bytes]]]:
     """Run commands by name as processes for the length of the block; yield the processes."""
@@ -127,7 +121,9 @@ def run(plan: FleetPlan, bodies: int, seconds: float) -> None:
                         running[ended] = subprocess.Popen(commands[ended])
                 if monotonic() >= due:
                     due = monotonic() + 1.0
-                    print(line_about(watcher.front, last["timing"]), flush=True)
+                    known = watcher.front.items()
+                    words = [f"{key.removesuffix('/terrain_collider')}: {value}" for key, value in known if key]
+                    print(f"real-time {last['timing'].real_time_factor:.2f}  {'  '.join(words)}", flush=True)
     except (TimeoutError, RuntimeError) as error:
         sys.exit(f"fleet failed: {error}")
     except KeyboardInterrupt:

@@ -12,7 +12,6 @@ from std_msgs.msg import Header
 from smartmesh_ros.ground.body_shapes import link_name
 from smartmesh_ros.ground.quaternions import quaternion_of
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.body_outputs import pose_message, quaternion_message, vector_message
 from smartmesh_ros.node.outputs.rates import Beat
@@ -79,15 +78,12 @@ class OdometryOutput:
         header = Header(stamp=session.stamp_now(), frame_id=entry.odom_frame)
         pose, child = self._base.odometry.pose, frame_of(session, entry.body)
         if self.publisher.get_subscription_count():
-            self.publisher.publish(self._message(header, child, pose))
+            found, message = self._base.odometry, Odometry(header=header, child_frame_id=child)
+            message.pose.pose, twist = pose_message(BodyState(*pose)), message.twist.twist
+            twist.linear.x, twist.linear.y, twist.angular.z = found.linear, found.side, found.angular
+            self.publisher.publish(message)
         if self._broadcast is not None and self._broadcast.is_next(header):
             self._broadcast.send(header, [OwnFrame(header.frame_id, child, pose)])
-
-    def _message(self, header: Header, child: str, pose: Transform) -> Odometry:
-        found, message = self._base.odometry, Odometry(header=header, child_frame_id=child)
-        message.pose.pose, twist = pose_message(BodyState(*pose)), message.twist.twist
-        twist.linear.x, twist.linear.y, twist.angular.z = found.linear, found.side, found.angular
-        return message
 
 
 def deck_state(frame: Frame) -> BodyState:

@@ -16,7 +16,6 @@ from smartmesh_ros.node.parameters.entries import OutputEntry
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
-from smartmesh_ros.terrain.height_scan import HeightScan
 from smartmesh_ros.world.height_scanner import HeightScanner
 from smartmesh_ros.world.world import World
 
@@ -28,7 +27,12 @@ class ScanOutput:
     def __init__(self, session: Session, entry: OutputEntry) -> None:
         self._world, self._entry, self._beat = session.world, entry, Beat(session.world, entry.rate)
         self.publisher = session.publisher(Float32MultiArray, entry.topic)
-        self._layout = layout_message(entry.config)
+        (slow, rows), (fast, columns) = entry.config.layout  # axes of the body's yaw frame
+        dimensions = [
+            MultiArrayDimension(label=slow, size=rows, stride=rows * columns),
+            MultiArrayDimension(label=fast, size=columns, stride=columns),
+        ]
+        self._layout = MultiArrayLayout(dim=dimensions)
         self._scanner = HeightScanner(session.world, entry.body, entry.config)
 
     def publish(self, *, now: bool) -> None:
@@ -40,16 +44,6 @@ class ScanOutput:
             self._scanner.measure()
         if (values := self._scanner.take()) is not None:
             self.publisher.publish(Float32MultiArray(layout=self._layout, data=floats(values[0])))
-
-
-def layout_message(scan: HeightScan) -> MultiArrayLayout:
-    """Return the layout of a scan's values: axes "x" and "y" of the body's yaw frame, the slower one first."""
-    (slow, rows), (fast, columns) = scan.layout
-    dimensions = [
-        MultiArrayDimension(label=slow, size=rows, stride=rows * columns),
-        MultiArrayDimension(label=fast, size=columns, stride=columns),
-    ]
-    return MultiArrayLayout(dim=dimensions)
 
 
 class GroundMapOutput:
