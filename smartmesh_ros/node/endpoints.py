@@ -65,15 +65,9 @@ class OwnTopics:
         self._resolve = resolve
         self._bodies = {source: name for name, source in (*settings.poses, *settings.odometry)}
 
-    def take(self, given: str) -> None:
-        """Registers an input before its subscription; raises `InputError` if the node publishes there."""
-        self._register(given, self.taken)
-
-    def publish(self, given: str) -> None:
-        """Registers an output before its publisher; raises `InputError` if the node subscribes there."""
-        self._register(given, self.published)
-
-    def _register(self, given: str, names: dict[str, str]) -> None:
+    def register(self, given: str, names: dict[str, str]) -> None:
+        """Enter an input into ``taken`` before its subscription, or an output into ``published`` before its publisher;
+        raises `InputError` if it is both."""
         try:
             topic = self._resolve(given)
         except (ValueError, rclpy_implementation.RCLError) as error:
@@ -128,22 +122,3 @@ def unheard_latched(node: Transport, subscriptions: Iterable[Any]) -> str:
 def publishers_of(subscriptions: Iterable[Any]) -> dict[str, int]:
     """Return the number of connected publishers by topic."""
     return {endpoint.topic_name: endpoint.get_publisher_count() for endpoint in subscriptions}
-
-
-class Namesakes:
-    """Logs a warning whenever another node of the same full name appears, which hears and answers the same calls."""
-
-    def __init__(self, node: Transport) -> None:
-        self._node, self._known = node, 0
-
-    def check(self) -> None:
-        """Checks for such nodes; once a second is often enough."""
-        node = self._node
-        count = node.get_node_names_and_namespaces().count((node.get_name(), node.get_namespace())) - 1
-        if count > self._known:
-            node.get_logger().warning(
-                f"another node is called {node.get_fully_qualified_name()}, or was until seconds ago: both hear the "
-                "same topics, and either answers calls meant for the other; give one a namespace (-r __ns:=/name) or "
-                "another ROS_DOMAIN_ID"
-            )
-        self._known = count

@@ -35,6 +35,7 @@ from smartmesh_ros.world.world import World
 Act = Callable[[Any, Any], Any]
 # Queue depth of requests and responses. The default of ROS drops all but ten.
 SERVICES = QoSProfile(depth=2000)
+OUTPUTS = QoSProfile(depth=10)
 # Most lost bodies that are named, beside those of the scene.
 MOST_LOST = 16
 # Errors that end a message or call, and leave the world as it was.
@@ -65,10 +66,9 @@ class Session:
     threads. ``handled``: number of messages and calls so far. ``map_warning``: how maps are misused, empty = they are
     not. ``terrain_subscriptions``: subscriptions to terrain. ``topics``: the node's inputs and outputs. ``jumps``:
     number of jumps of tracked bodies, by topic. ``unstamped``: number of transforms without stamp, by topic.
-    ``stamp_ages``: steady age of the stamps of each input on arrival [s], None = without stamps. ``names``: names of
-    the peer nodes. ``turns``: answers under way. ``standing``: bodies that are put onto the ground, one by one.
-    ``files``: reads files and prepares robots. ``bases``: robots that drive, by name. ``lost``: why bodies were
-    removed, by name, until a reset.
+    ``source_clocks``: of inputs by the names of their sources. ``names``: names of the peer nodes.
+    ``turns``: answers under way. ``files``: reads files and prepares robots. ``bases``: robots that
+    drive, by name. ``lost``: why bodies were removed, by name, until a reset.
     """
 
     def __init__(self, node: Transport, settings: Settings, clock: Clock) -> None:
@@ -81,8 +81,9 @@ class Session:
         self.robot_names = RobotNames(self.world, always=settings.robot_prefix)
         self.jumps: Counter[str] = Counter()
         self.unstamped: Counter[str] = Counter()
-        self.stamp_ages: dict[str, float | None] = {}
+        self.source_clocks: list[dict[str, StampClock]] = []
         self.subscriptions: list[Any] = []
+        self.publishers: list[Any] = []
         self.topics = OwnTopics(node.resolve_topic_name, settings)
         self.names = EndpointNames(clock.steady)
         self.terrain_subscriptions: list[Any] = []
@@ -108,7 +109,6 @@ class Session:
 
     @property
     def paused(self) -> bool:
-        """True if the physics is paused."""
         return self.pacer.paused
 
     def listen(
@@ -120,11 +120,9 @@ class Session:
         *,
         raw: bool = False,
         private: bool = True,
-    ) -> None:
-        """Subscribes to ``~/topic``, or to ``topic`` if not ``private``; counts and logs what ``take`` refuses.
-
-        ``raw``: ``take`` gets the message's bytes.
-        """
+    ) -> Any:
+        """Subscribes to ``~/topic``, or to ``topic`` if not ``private``; counts and logs what ``take`` refuses. Returns
+        the subscription. ``raw``: ``take`` gets the message's bytes."""
 
         def callback(data: bytes) -> None:
             try:
@@ -135,13 +133,15 @@ class Session:
                 self.refusals.add(topic, error)
 
         name = f"~/{topic}" if private else topic
-        self.topics.take(name)
+        self.topics.register(name, self.topics.taken)
         self.subscriptions.append(self.node.create_subscription(kind, name, callback, qos, raw=True))
+        return self.subscriptions[-1]
 
-    def publisher(self, kind: Any, topic: str, qos: QoSProfile) -> Any:
+    def publisher(self, kind: Any, topic: str, qos: QoSProfile = OUTPUTS) -> Any:
         """Return a publisher of a private topic; raises `InputError` if the node subscribes to it."""
-        self.topics.publish(topic)
-        return self.node.create_publisher(kind, topic, qos)
+        self.topics.register(topic, self.topics.published)
+        self.publishers.append(self.node.create_publisher(kind, topic, qos))
+        return self.publishers[-1]
 
     @contextmanager
     def enduring(self, part: str) -> Iterator[None]:
@@ -242,10 +242,6 @@ class Session:
             return self.pacer.simulated_at(0.0, self.world.time) - age
         return self.pacer.simulated_at(age, self.world.time)
 
-    def ahead_of_stamps(self) -> float:
-        """Return the lead of simulated time, at which the bodies are, over the stamp for messages published now [s]."""
-        return 0.0 if self.simulates_stamps else self.world.time - self.time_at(0.0)
-
     def require_room(self, names: Iterable[str]) -> None:
         """Raises `InputError` if bodies of these names would be too many with those of the world."""
         there = self.world.bodies
@@ -254,7 +250,6 @@ class Session:
             raise InputError("size", f"{count} bodies; at most {MOST_BODIES} are possible")
 
     def remove(self, name: str) -> None:
-        """Removes a simulated or tracked body from the world."""
         if name in self.tracking.names:
             self.tracking.forget(name)
         else:

@@ -40,10 +40,12 @@ from smartmesh_ros.node.services.simulation_services import serve_simulation_int
 from smartmesh_ros.node.services.state_services import StateServices
 from smartmesh_ros.node.services.turns import NextTurn, parts_of
 from smartmesh_ros.node.session import SERVICES, Session
-from smartmesh_ros.node.soil_ground import stand_on_soil
 from smartmesh_ros.node.timing.pacing import NodeClock
 from smartmesh_ros.node.transport import Clock, Transport
+from smartmesh_ros.soil.config import soils_from
+from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.startup.dds import send_without_waiting
+from smartmesh_ros.terrain.heightmap import HeightMap
 
 NAME = "terrain_collider"
 MOST_STEPS = 100_000
@@ -66,7 +68,7 @@ class Collider:
         self._decks = DeckInputs(session, transforms)
         self._terrain = TerrainInputs(session, self._decks, self._on_terrain)
         self._bodies = BodyInputs(session, transforms)
-        self._body_services = BodyServices(session)
+        BodyServices(session)
         GroundServices(session, transforms)
         StateServices(session, self)
         session.serve(StepPhysics, "step", lambda request, _: self.step(request.steps))
@@ -79,14 +81,11 @@ class Collider:
 
     @property
     def handled(self) -> int:
-        """Number of messages and calls handled so far."""
         return self.session.handled
 
     def tick(self, skipped: int = 0) -> None:
-        """Runs one physics step (none while paused) and publishes the outputs that are due.
-
-        Before the step, simulated time advances by ``skipped`` steps without moving the bodies.
-        """
+        """Runs one physics step (none while paused), after ``skipped`` ones in which simulated time alone advances, and
+        publishes the outputs that are due."""
         session = self.session
         with session.lock:
             with session.enduring("inputs"):
@@ -120,16 +119,11 @@ class Collider:
             self._outputs.publish(idle=True)
 
     def close(self) -> None:
-        """Gives up what is under way, and closes the world."""
         if session := getattr(self, "session", None):  # ROS 2 Kilted destroys nodes that could not start, too
             with session.enduring("services"):
                 session.turns.close()
             session.files.close()
             session.world.close()
-
-    def pause(self, paused: bool) -> None:
-        """Pauses or resumes the physics."""
-        self.pacer.pause(paused)
 
     async def step(self, count: int) -> None:
         """Runs ``count`` steps of the paused physics in turns, and publishes the last state; raises `InputError` if the
@@ -178,7 +172,7 @@ class Collider:
 
     def set_scene(self, raster: Raster | None, entries: Mapping[str, Entry]) -> None:
         """Replaces all ground (None = by nothing) and bodies, at time zero and paused. Topics go on from there."""
-        self.pause(True)
+        self.pacer.pause(True)
         self.session.world.clear()
         self._terrain.clear()
         self.take_restored()
@@ -205,7 +199,7 @@ class Collider:
         response.message = "the next map may have any stamp, as the first one; bodies stay where they are"
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> None:
-        self.pause(request.data)
+        self.pacer.pause(request.data)
         response.message = "paused" if request.data else "running"
 
     def _forget_stamps(self) -> None:
@@ -224,11 +218,20 @@ class Collider:
         self.initial.on_terrain()
 
     def _stand_on_soil(self) -> None:
-        """Lets bodies stand on the soil of the settings; on a map that cannot be soil they stand on the map itself."""
-        try:
-            stand_on_soil(self.session.world, self.settings)
-        except InputError as error:
-            self.refusals.add("soil.type", error)
+        """Lets bodies stand on the soil of the settings if the first tile is a height map that can be soil, else on the
+        map itself. The soil of a tile keeps its prints."""
+        world, settings = self.session.world, self.settings
+        tile, known = world.terrain.tiles.get(""), world.ground.soil
+        if not settings.soil or not isinstance(tile, HeightMap):
+            if known is not None:
+                world.ground.set_soil(None)
+        elif isinstance(known, Soil) and known.map is tile and known.soils == soils_from(settings.soil):
+            known.slip_sinkage = settings.slip_sinkage
+        else:
+            try:
+                world.ground.set_soil(Soil(world.terrain, settings.soil, slip_sinkage=settings.slip_sinkage))
+            except InputError as error:
+                self.refusals.add("soil.type", error)
 
     def require_possible(self, settings: Settings) -> None:
         """Raises `InputError` if the settings need a package that is missing."""
@@ -289,7 +292,6 @@ class TerrainCollider(ParameterNode, Collider):
 
 
 def main(args: list[str] | None = None) -> None:
-    """Runs the node until SIGINT or SIGTERM stops it."""
     answer(NAME, __doc__, parameters.SPECS, args)
     send_without_waiting()
     run(TerrainCollider, args)

@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from smartmesh_ros.errors import InputError, as_float, require
+from smartmesh_ros.ground.quaternions import Z, about
+from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.world.base_config import BaseConfig
 from smartmesh_ros.world.base_geometry import BaseGeometry, geometry_of
 from smartmesh_ros.world.bodies import Body
@@ -32,6 +34,11 @@ class BaseOdometry(NamedTuple):
     linear: float
     side: float
     angular: float
+
+    @property
+    def pose(self) -> Transform:
+        """The pose of the root link."""
+        return Transform((self.x, self.y, 0.0), about(Z, self.yaw))
 
 
 class BaseMemory(NamedTuple):

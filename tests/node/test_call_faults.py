@@ -16,7 +16,7 @@ from smartmesh_msgs.msg import BodySpecification, ColliderPatchArray
 from smartmesh_msgs.srv import RemoveBodies, SpawnBodies
 
 from smartmesh_ros import BodyState, Box
-from smartmesh_ros.node.outputs import audience, transform_outputs
+from smartmesh_ros.node.outputs import rates, transform_outputs
 from tests.faults import Faults, bullet_faults
 from tests.grounds import level
 from tests.node.shared import BALL, Fed, fed
@@ -59,7 +59,7 @@ class Wire:
 
 @pytest.fixture
 def wire(monkeypatch: pytest.MonkeyPatch) -> Wire:
-    monkeypatch.setattr(audience, "DISCOVERY_TIME", 0.0)
+    monkeypatch.setattr(rates, "DISCOVERY_TIME", 0.0)
     monkeypatch.setattr(transform_outputs, "LISTENING_TIME", 0.0)
     return Wire(monkeypatch)
 
@@ -88,7 +88,7 @@ def publish_all(node: Fed) -> None:
 
 
 def test_an_output_that_fails_stops_no_other(wire: Wire, node: Fed) -> None:
-    node.node.pause(True)
+    node.node.pacer.pause(True)
     publish_all(node)
     everything = wire.topics()
     assert len(everything) == 13, everything
@@ -116,7 +116,7 @@ def test_changes_that_were_not_sent_are_sent_again(wire: Wire, node: Fed) -> Non
         assert message.incremental or len(message.patches) == 2
         return not message.incremental
 
-    node.node.pause(True)
+    node.node.pacer.pause(True)
     assert has_all()
     assert not has_all()
     for number in wire.faults.runs():

@@ -89,7 +89,7 @@ def test_imus_measure_for_subscribers_alone_and_steps_of_a_pause_have_their_own_
         output.publisher = SimpleNamespace(publish=found.append, get_subscription_count=lambda: count)
         node.run(2)
         found.clear()
-        node.node.pause(True)
+        node.node.pacer.pause(True)
         start = node.world.time
         node.step(20)
         times = [seconds(message.header.stamp) - start for message in found]

@@ -85,7 +85,7 @@ def test_waves_are_answered_for_the_instant_of_the_stamp(now: list[float], stamp
         # Maps are placed in simulated time to within a step.
         assert answer.z[0] == pytest.approx(speed * (seconds(answer.header.stamp) - 1000.0), abs=2.0 * speed / 240.0)
         # A paused node answers for the time at which it stands.
-        node.node.pause(True)
+        node.node.pacer.pause(True)
 
         def height() -> float:
             now[0] += 0.1

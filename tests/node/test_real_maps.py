@@ -20,7 +20,7 @@ from std_srvs.srv import Trigger
 from smartmesh_ros import BodyState, Box
 from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.node.inputs.adapters import grid_map_raster
-from smartmesh_ros.node.inputs.rivals import RivalMaps, Rivals
+from smartmesh_ros.node.inputs.map_checks import MapChecks, Rivals
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy, stamp_of
 from smartmesh_ros.terrain.grid import GridGeometry
@@ -115,7 +115,7 @@ def test_two_mappers_on_one_topic_are_named_in_the_diagnostics(shared: Probe) ->
 
 def test_tiles_that_come_and_go_leave_nothing_behind(monkeypatch: pytest.MonkeyPatch) -> None:
     """A ground that scrolls below a robot has ever new names of tiles; here as of two publishers."""
-    monkeypatch.setattr(RivalMaps, "_several", lambda _: True)
+    monkeypatch.setattr(MapChecks, "_several", lambda _: True)
     with fed({"terrain.motion": "hold"}) as node:
 
         def scroll(tiles: range) -> int:

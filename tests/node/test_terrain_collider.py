@@ -67,15 +67,15 @@ def test_pause_step_and_reset(now: list[float]) -> None:
 def test_many_steps_are_done_in_turns_between_which_the_node_takes_calls_and_signals() -> None:
     with fed({}) as node:
         turns, answers = node.node.session.turns, list[StepPhysics.Response]()
-        node.node.pause(True)
+        node.node.pacer.pause(True)
         [served] = [found for found in node.node.services if found.srv_name.endswith("/step")]
         turns.add(served.callback(StepPhysics.Request(steps=100_000), StepPhysics.Response()), answers.append)
         assert node.node.turn() and node.node.turn()
         assert 0.0 < node.world.time < 100_000 / 240.0
-        node.node.pause(False)
+        node.node.pacer.pause(False)
         node.node.turn()
         assert "the physics is running" in answers[0].message and "; 300 of 100000 steps are done" in answers[0].message
-        node.node.pause(True)
+        node.node.pacer.pause(True)
         before = node.world.time
         node.step(1050)
         assert node.world.time - before == pytest.approx(1050 / 240.0)

@@ -40,11 +40,9 @@ class Calls:
         self._open: list[_Open] = []
 
     async def spawn(self, node: str, bodies: Sequence[BodySpecification]) -> dict[str, str]:
-        """Ask a node to add bodies."""
         return await self._call(node, SpawnBodies, [body.id for body in bodies], bodies=bodies)
 
     async def remove(self, node: str, names: Sequence[str]) -> dict[str, str]:
-        """Ask a node to remove bodies."""
         return await self._call(node, RemoveBodies, names, ids=names)
 
     def give_up(self, died: Collection[str]) -> None:

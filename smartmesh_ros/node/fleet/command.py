@@ -5,12 +5,11 @@ A process that ends is restarted. Stop the fleet with Ctrl-C or SIGTERM, or set 
 
 from __future__ import annotations
 
-import argparse
 import math
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -83,12 +82,6 @@ def grid(count: int) -> Iterator[tuple[str, float, float, float]]:
         yield f"ball_{index}", SPACING * (column - 0.5 * side), SPACING * (row - 0.5 * side), START_HEIGHT
 
 
-def line_about(front: Mapping[str, str], timing: Timing) -> str:
-    """Return the real-time factor and the front's diagnostics in one line."""
-    counts = "  ".join(f"{key.removesuffix('/terrain_collider')}: {value}" for key, value in front.items() if key)
-    return f"real-time {timing.real_time_factor:.2f}  {counts}"
-
-
 @contextmanager
 def processes(commands: dict[str, list[str]]) -> Iterator[dict[str, subprocess.Popen[bytes]]]:
     """Run commands by name as processes for the length of the block; yield the processes."""
@@ -128,7 +121,9 @@ def run(plan: FleetPlan, bodies: int, seconds: float) -> None:
                         running[ended] = subprocess.Popen(commands[ended])
                 if monotonic() >= due:
                     due = monotonic() + 1.0
-                    print(line_about(watcher.front, last["timing"]), flush=True)
+                    known = watcher.front.items()
+                    words = [f"{key.removesuffix('/terrain_collider')}: {value}" for key, value in known if key]
+                    print(f"real-time {last['timing'].real_time_factor:.2f}  {'  '.join(words)}", flush=True)
     except (TimeoutError, RuntimeError) as error:
         sys.exit(f"fleet failed: {error}")
     except KeyboardInterrupt:
@@ -139,8 +134,7 @@ def run(plan: FleetPlan, bodies: int, seconds: float) -> None:
 
 
 def main(args: list[str] | None = None) -> None:
-    """Run the command line."""
-    parser = Parser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__)
     parser.add_argument("--nodes", type=number(int, 1, 100), default=4, help="nodes that share the terrain")
     parser.add_argument("--bodies", type=number(int, 0, MOST_BODIES), default=100, help="balls on it")
     seconds = number(float, 0.0, math.inf)

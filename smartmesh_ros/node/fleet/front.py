@@ -17,7 +17,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from smartmesh_msgs.msg import BodyFailure, BodySpecification, Timing, TrackedBodyArray
+from smartmesh_msgs.msg import BodySpecification, Timing, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -33,6 +33,7 @@ from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.settings import full_names
 from smartmesh_ros.node.refusals import LOG_PERIOD, shortened
 from smartmesh_ros.node.running import spin
+from smartmesh_ros.node.services.body_services import failures_of, noting
 from smartmesh_ros.node.session import SERVICES
 
 _D = LedgerConfig()
@@ -163,8 +164,7 @@ class Front(ParameterNode):
             response.success = not refused
             response.message = shortened(next(iter(refused.values()), ""))
             if refused and hasattr(response, "failures"):
-                failures = [(shortened(name), shortened(reason)) for name, reason in refused.items()]
-                response.failures = [BodyFailure(id=name, reason=reason) for name, reason in failures]
+                response.failures = failures_of(refused)
                 nothing = ", so nothing was changed" if kind is SpawnBodies else ""
                 response.message = f"{len(refused)} bodies are refused{nothing}: {response.message}"
             return response
@@ -177,12 +177,10 @@ class Front(ParameterNode):
         refused: dict[str, str] = {}
         counts = Counter(body.id for body in bodies)
         for body in bodies:
-            try:
+            with noting(refused, body.id):
                 require_once(body.id, counts)
                 place = body.pose.position
                 chosen.setdefault(self.ledger.choose(body.id, place.x, place.y, body), []).append(body)
-            except InputError as error:
-                refused[body.id] = str(error)
         added = []
         for node, group in chosen.items():
             refused |= {} if refused else await self._calls.spawn(node, group)
@@ -201,10 +199,8 @@ class Front(ParameterNode):
         chosen: dict[str, list[str]] = {}
         refused: dict[str, str] = {}
         for name in names:
-            try:
+            with noting(refused, name):
                 chosen.setdefault(self.ledger.node_of(name), []).append(name)
-            except InputError as error:
-                refused[name] = str(error)
         for node, group in {} if refused else chosen.items():
             found = await self._calls.remove(node, group)
             for name in () if found else group:
@@ -213,7 +209,12 @@ class Front(ParameterNode):
         return refused
 
     def _report(self) -> None:
-        self._publish_timing()
+        """Publish the diagnostics, and the timing of all nodes since the last report."""
+        if self._timings and self._timing.get_subscription_count():
+            timing = merged_timing(self._timings)
+            timing.header.stamp = self.get_clock().now().to_msg()
+            self._timing.publish(timing)
+        self._timings.clear()
         self.ledger.connected = {f"{space.rstrip('/')}/{name}" for name, space in self.get_node_names_and_namespaces()}
         living, waiting, starting = self.ledger.living, self.ledger.waiting, self.ledger.starting
         counts = Counter(entry.node for entry in self.ledger.bodies.values())
@@ -236,14 +237,6 @@ class Front(ParameterNode):
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
 
-    def _publish_timing(self) -> None:
-        """Publish the timing of all nodes since the last report, while ~/timing has subscribers."""
-        if self._timings and self._timing.get_subscription_count():
-            message = merged_timing(self._timings)
-            message.header.stamp = self.get_clock().now().to_msg()
-            self._timing.publish(message)
-        self._timings.clear()
-
 
 def _counted(names: Sequence[str]) -> str:
     """Return the number of bodies and the first names."""
@@ -265,6 +258,5 @@ def merged_timing(timings: Mapping[str, Timing]) -> Timing:
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """Run the front until SIGINT or SIGTERM."""
     answer("fleet_front", __doc__, SPECS, None if args is None else list(args))
     spin(Front, args)

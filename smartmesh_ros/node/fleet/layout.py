@@ -42,10 +42,7 @@ def node_names(count: int, namespace: str = "") -> list[str]:
 def parameters_of(index: int, count: int, namespace: str = "") -> dict[str, Any]:
     """Return a node's parameters beside its preset: its peers, and its states in every step."""
     names = node_names(count, namespace)
-    return {
-        "bodies.peers": [*names[:index], *names[index + 1 :]] or ["auto"],
-        "publish.body_states": EVERY_STEP,
-    }
+    return {"bodies.peers": [*names[:index], *names[index + 1 :]] or ["auto"], "publish.body_states": EVERY_STEP}
 
 
 def marker_namespace(node: str) -> str:
@@ -54,12 +51,10 @@ def marker_namespace(node: str) -> str:
 
 
 def remappings(namespace: str = "") -> list[tuple[str, str]]:
-    """Return a node's remappings of the shared topics."""
     return [(f"~/{topic}", f"{front_of(namespace)}/{topic}") for topic in SHARED]
 
 
 def source_remappings(namespace: str = "") -> list[tuple[str, str]]:
-    """Return the remappings of terrain_source."""
     return [(f"{COLLIDER}/{topic}", f"{front_of(namespace)}/{topic}") for topic in ("heightmap", "heightmap_update")]
 
 

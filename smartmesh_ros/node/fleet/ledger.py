@@ -94,7 +94,6 @@ class Ledger:
 
     @property
     def living(self) -> list[str]:
-        """Names of the nodes that live."""
         return [node for node, member in self.members.items() if member.alive]
 
     @property
@@ -142,7 +141,6 @@ class Ledger:
         member.heard = time
 
     def update_states(self, node: str, states: StateTable) -> None:
-        """Record the newest states of a node's bodies."""
         self.members[node].last = {name: LastState(states, row) for row, name in enumerate(states.names)}
 
     def check(self, time: float) -> Duties:

@@ -76,9 +76,8 @@ class PeerReader:
         if not np.isfinite([ahead, rate, *gravity]).all():
             raise InputError("non_finite", f"ahead, rate, gravity are {ahead}, {rate}, {gravity}; all must be finite")
         if abs(ahead) > MAX_AHEAD:
-            raise InputError(
-                "stamp", f"ahead is {ahead} s; it must be at most {MAX_AHEAD:g} s before or after the stamp"
-            )
+            words = f"ahead is {ahead} s; it must be at most {MAX_AHEAD:g} s before or after the stamp"
+            raise InputError("stamp", words)
         rows = np.empty((count, BODY_BYTES), np.uint8)
         content = CORE.split_bodies(np.frombuffer(data, np.uint8)[4:], reader.at, rows)
         if content is None:
@@ -186,10 +185,9 @@ class PeerBodies:
 
     def _listen(self, name: str) -> None:
         session = self._session
-        session.listen(
-            TrackedBodyArray, topic_of(name), partial(self._on_states, name), NEWEST_QOS, raw=True, private=False
-        )
-        self._peers[name] = _Peer(session.subscriptions[-1], session.stamp_clock())
+        take = partial(self._on_states, name)
+        subscription = session.listen(TrackedBodyArray, topic_of(name), take, NEWEST_QOS, raw=True, private=False)
+        self._peers[name] = _Peer(subscription, session.stamp_clock())
 
     def _discover(self) -> None:
         """Subscribe to new nodes, and unsubscribe from nodes that are gone."""
@@ -246,7 +244,6 @@ class PeerBodies:
             raise InputError("rate", f"{name} steps at {new.rate:g} Hz, this node at {physics.rate:g} Hz; set one rate")
         if math.dist(new.gravity, physics.gravity) > RELATIVE_TOLERANCE * max(1.0, math.hypot(*physics.gravity)):
             theirs, ours = (", ".join(f"{value:g}" for value in values) for values in (new.gravity, physics.gravity))
-            raise InputError(
-                "gravity", f"{name} has gravity ({theirs}) m/s^2, this node ({ours}) m/s^2; set one physics.gravity"
-            )
+            words = f"{name} has gravity ({theirs}) m/s^2, this node ({ours}) m/s^2; set one physics.gravity"
+            raise InputError("gravity", words)
         return True

@@ -82,9 +82,8 @@ def _layer(data: Any, along_x: int, along_y: int) -> NDArray[np.float32]:
         raise InputError("length", f"a layer's dimensions are {labels}; they must be column_index and row_index")
     for dim in dims:
         if dim.size != sizes[dim.label]:
-            raise InputError(
-                "length", f"{dim.label} has size {dim.size}, but the map's lengths make it {sizes[dim.label]}"
-            )
+            words = f"{dim.label} has size {dim.size}, but the map's lengths make it {sizes[dim.label]}"
+            raise InputError("length", words)
     values = np.frombuffer(data.data, np.float32)
     require_length("the layer", len(values) - data.layout.data_offset, along_x * along_y)
     cells = values[data.layout.data_offset :].reshape([sizes[label] for label in labels])
@@ -95,18 +94,15 @@ def image_raster(message: Any, config: RasterConfig) -> Raster:
     """Convert a sensor_msgs/Image: its pixels are heights, placed and scaled by the parameters ``raster.*``. Those of a
     32FC1 image that are not finite become holes."""
     if message.encoding not in ENCODINGS:
-        raise InputError(
-            "encoding", f"encoding {message.encoding!r} holds no heights; use one of {', '.join(ENCODINGS)}"
-        )
+        words = f"encoding {message.encoding!r} holds no heights; use one of {', '.join(ENCODINGS)}"
+        raise InputError("encoding", words)
     require_cells(message.height * message.width)
     dtype = np.dtype((">" if message.is_bigendian else "<") + ENCODINGS[message.encoding])
     if message.step < message.width * dtype.itemsize:
         raise InputError("length", f"{message.step} bytes a row cannot hold {message.width} pixels of {dtype.itemsize}")
     if len(message.data) != message.height * message.step:
-        raise InputError(
-            "length",
-            f"{len(message.data)} bytes for {message.height} rows; there must be {message.step} for each",
-        )
+        words = f"{len(message.data)} bytes for {message.height} rows; there must be {message.step} for each"
+        raise InputError("length", words)
     shape, strides = (message.height, message.width), (message.step, dtype.itemsize)
     return from_image(np.ndarray(shape, dtype, message.data, strides=strides), config)
 
@@ -126,8 +122,6 @@ def occupancy_raster(message: Any, config: RasterConfig) -> Raster:
 
 def occupancy_region(message: Any, config: RasterConfig) -> tuple[int, int, FloatGrid]:
     """Return first row, first column and heights [m] of a map_msgs/OccupancyGridUpdate."""
-    if message.x < 0 or message.y < 0:
-        raise InputError("region", f"the update starts at ({message.x}, {message.y}), outside the map")
     cells = _cells(message.data, message.height, message.width)
     return message.y, message.x, occupancy_heights(cells, config)
 
@@ -142,24 +136,18 @@ def cloud_raster(message: Any, config: RasterConfig) -> Raster:
     """Convert an organised sensor_msgs/PointCloud2, which has rows and columns of equally spaced points: their x and y
     give the grid, their z the heights."""
     if message.height < 2 or message.width < 2:
-        raise InputError(
-            "not_a_grid",
-            f"a cloud of {message.height} x {message.width} points is not organised in rows and columns",
-        )
+        words = f"a cloud of {message.height} x {message.width} points is not organised in rows and columns"
+        raise InputError("not_a_grid", words)
     require_cells(message.height * message.width)
     if message.row_step < message.width * message.point_step or len(message.data) != message.height * message.row_step:
-        raise InputError(
-            "length",
-            f"{len(message.data)} bytes for {message.height} rows of {message.row_step}, {message.width} points of "
-            f"{message.point_step} each",
-        )
+        sizes = f"{message.height} rows of {message.row_step}, {message.width} points of {message.point_step} each"
+        raise InputError("length", f"{len(message.data)} bytes for {sizes}")
     fields = {field.name: field for field in message.fields}
     points = np.empty((message.height, message.width, 3))
     for axis, name in enumerate("xyz"):
         if name not in fields or fields[name].datatype not in TYPES or fields[name].count > 1:
-            raise InputError(
-                "fields", f"the cloud has no single field {name!r} of FLOAT32 or FLOAT64; it has {list(fields)}"
-            )
+            words = f"the cloud has no single field {name!r} of FLOAT32 or FLOAT64; it has {list(fields)}"
+            raise InputError("fields", words)
         dtype = np.dtype((">" if message.is_bigendian else "<") + TYPES[fields[name].datatype])
         offset = fields[name].offset
         if offset + dtype.itemsize > message.point_step:

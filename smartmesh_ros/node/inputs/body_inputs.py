@@ -68,7 +68,6 @@ class BodyInputs:
             session.listen(TwistStamped, f"cmd_vel_stamped/{name}", partial(self._on_stamped, drive), BEST_EFFORT)
 
     def forget_stamps(self) -> None:
-        """Accepts any stamps from now on, after a reset."""
         self._clocks.forget()
         self._frames.forget()
         self.transforms.buffer.clear()
@@ -121,10 +120,8 @@ class BodyInputs:
         session, source, frame = self._session, f"{SOURCE} {name}", self._sources[name]
         session.require_not_simulated(name)
         if self.transforms.is_own(frame):
-            raise InputError(
-                "own_topic", f"frame {frame!r} of body {name!r} is one that this node publishes (publish.tf); a body "
-                "that follows it would overlap the simulated one"
-            )  # fmt: skip
+            words = f"frame {frame!r} of body {name!r} is one that this node publishes (publish.tf)"
+            raise InputError("own_topic", f"{words}; a body that follows it would overlap the simulated one")
         if restarted:
             self._clocks.forget(source)
         with self._placed(source, stamp) as placed:

@@ -56,7 +56,6 @@ class CdrReader:
         return struct.unpack(f"{self._order}{count}{code}", self.skip(struct.calcsize(code), count))
 
     def text(self) -> str:
-        """Read a string."""
         data = bytes(self.skip(1, self.number("I"))).rstrip(b"\0")
         if b"\0" in data:  # C code would read a shorter name than this one
             raise InputError("malformed", f"a string of {len(data)} bytes has a zero byte in it")
@@ -79,7 +78,6 @@ class CdrReader:
         return array if width == 1 else array.reshape(-1, width)
 
     def stamped(self) -> Stamped:
-        """Read header and tile."""
         return Stamped(self.number("i"), self.number("I"), self.text().strip("/"), self.text())
 
     def skip(self, size: int, count: int = 1) -> memoryview:

@@ -32,27 +32,24 @@ def message_from(data: bytes, kind: Any) -> Any:
 
 def _check(reader: CdrReader, fields: list[Any], *, last: bool) -> None:
     """Skip fields, checking the sequences in them. ``last``: no check follows, so the last one need not be skipped."""
-    for index, field in enumerate(fields):
-        _check_field(reader, field, last=last and index == len(fields) - 1)
-
-
-def _check_field(reader: CdrReader, field: Any, *, last: bool) -> None:
-    if isinstance(field, BasicType):
-        reader.skip(DTYPES[field.typename].itemsize)
-    elif isinstance(field, AbstractString):
-        reader.skip(1, reader.count(1))
-    elif isinstance(field, NamespacedType):
-        kind = _class_of(*field.namespaced_name())
-        _check(reader, _fields_to_check(kind) if last else kind.SLOT_TYPES, last=last)
-    else:
-        items = field.value_type
-        count = field.size if isinstance(field, Array) else reader.count(1)
-        if isinstance(items, BasicType):
-            reader.skip(DTYPES[items.typename].itemsize, count)
-        elif count > MOST_ITEMS:
-            raise InputError("size", f"{count} elements in one sequence are more than the {MOST_ITEMS} allowed")
-        elif not last or _needs_check(items):
-            _check(reader, [items] * count, last=False)
+    for left, field in zip(range(len(fields) - 1, -1, -1), fields, strict=True):
+        final = last and not left
+        if isinstance(field, BasicType):
+            reader.skip(DTYPES[field.typename].itemsize)
+        elif isinstance(field, AbstractString):
+            reader.skip(1, reader.count(1))
+        elif isinstance(field, NamespacedType):
+            kind = _class_of(*field.namespaced_name())
+            _check(reader, _fields_to_check(kind) if final else kind.SLOT_TYPES, last=final)
+        else:
+            items = field.value_type
+            count = field.size if isinstance(field, Array) else reader.count(1)
+            if isinstance(items, BasicType):
+                reader.skip(DTYPES[items.typename].itemsize, count)
+            elif count > MOST_ITEMS:
+                raise InputError("size", f"{count} elements in one sequence are more than the {MOST_ITEMS} allowed")
+            elif not final or _needs_check(items):
+                _check(reader, [items] * count, last=False)
 
 
 def _needs_check(field: Any) -> bool:

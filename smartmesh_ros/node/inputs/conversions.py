@@ -38,8 +38,6 @@ def bodies_from(message: Any) -> list[BodyInput]:
     """Convert a TrackedBodyArray message; one invalid body refuses the whole message."""
     bodies = []
     for body in message.bodies:
-        if not (math.isfinite(body.radius) and body.radius >= 0.0):
-            raise InputError("geometry", f"radius of {body.id!r} is {body.radius} m; it must be zero or more")
         state, solid = state_from(body.pose, body.twist), _solid_of(body)
         bodies.append(BodyInput(body.id, state, float(body.radius), solid=solid))
     require_distinct([body.name for body in bodies])
@@ -208,11 +206,8 @@ def _joints(names: list[str], world: World, prefixes: Mapping[str, str]) -> list
             unknown.append(name)
     if unknown:
         there = [f"{robot}/{joint}" for robot, joints in robots.items() for joint in joints]
-        raise InputError(
-            "unknown_joint",
-            f"{len(unknown)} of {len(names)} joints are unknown: {listed([*map(repr, unknown)], 20)}; "
-            f"there is {listed(there, 20) or 'no robot with joints'}",
-        )
+        words = f"{len(unknown)} of {len(names)} joints are unknown: {listed([*map(repr, unknown)], 20)}"
+        raise InputError("unknown_joint", f"{words}; there is {listed(there, 20) or 'no robot with joints'}")
     if len(set(found)) < len(found):
         raise InputError("duplicate_id", "a joint is commanded twice in one message; name each once")
     return found

@@ -81,7 +81,6 @@ class DeckInputs:
         self._frames.refresh()
 
     def forget_stamps(self) -> None:
-        """Accepts any stamps from now on, after a reset."""
         self._clocks.forget()
         self._frames.forget()
 

@@ -69,9 +69,8 @@ class FrameBuffer:
             raise InputError("non_finite", f"the transform from {child!r} to {parent!r} is not finite: {transform}")
         length = math.hypot(*transform.rotation)
         if abs(length - 1.0) > QUATERNION_SLACK:
-            raise InputError(
-                "quaternion", f"the rotation from {child!r} to {parent!r} is no unit quaternion: {transform}"
-            )
+            words = f"the rotation from {child!r} to {parent!r} is no unit quaternion: {transform}"
+            raise InputError("quaternion", words)
         x, y, z, w = transform.rotation
         transform = Transform(transform.translation, (x / length, y / length, z / length, w / length))
         edge = self._edges.get(child)
@@ -97,7 +96,7 @@ class FrameBuffer:
         the frames, or a transform lacks that time.
         """
         target, source = target.strip("/"), source.strip("/")
-        up, down = self._way(source), self._way(target)
+        up, down = self.way(source), self.way(target)
         shared = next((frame for frame in up if frame in down), None)
         if shared is None:
             frames = sorted({*self._edges, *(edge.parent for edge in self._edges.values())})
@@ -110,12 +109,8 @@ class FrameBuffer:
         outward = self._chain(up, stamp)
         return (self._chain(down, stamp).inverse().then(outward) if down else outward), stamp
 
-    def ancestors(self, frame: str) -> list[str]:
-        """Return the frames above a frame, up to the root. Raises `InputError` if the frames form a cycle."""
-        return self._way(frame)[1:]
-
-    def _way(self, frame: str) -> list[str]:
-        """Return the frame and its ancestors, up to the root."""
+    def way(self, frame: str) -> list[str]:
+        """Return a frame and those above it, up to the root. Raises `InputError` if the frames form a cycle."""
         way = [frame]
         while (edge := self._edges.get(way[-1])) is not None:
             if edge.parent in way:
@@ -135,11 +130,8 @@ class FrameBuffer:
             return edge.transforms[-1]
         after = bisect_right(edge.stamps, stamp)
         if after == 0 or stamp > edge.stamps[-1] + MAX_HOLD:
-            raise InputError(
-                "frame",
-                f"{child!r} in {edge.parent!r} is known from {edge.stamps[0]:.3f} s to {edge.stamps[-1]:.3f} s, "
-                f"not at the requested {stamp:.3f} s",
-            )
+            words = f"{child!r} in {edge.parent!r} is known from {edge.stamps[0]:.3f} s to {edge.stamps[-1]:.3f} s"
+            raise InputError("frame", f"{words}, not at the requested {stamp:.3f} s")
         if after == len(edge.stamps):
             return edge.transforms[-1]
         share = (stamp - edge.stamps[after - 1]) / (edge.stamps[after] - edge.stamps[after - 1])

@@ -1,14 +1,17 @@
-"""What may be wrong with maps that are taken."""
+"""What may be wrong with maps: those of a sensor may count as moving ground, those of several publishers may disagree,
+and a map may have no ground."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from time import monotonic
+from collections import deque
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from smartmesh_ros.io.rasters import Raster
+from smartmesh_ros.node.session import Session
+from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.noise_check import NO_FINDINGS, NoiseCheck
 
@@ -19,28 +22,76 @@ SPARSE = 16
 # Heights (rows, columns) of a map or a part of it [m].
 Heights = NDArray[np.floating[Any]]
 ADVICE = "but are treated as moving ground: set terrain.changes: correction, or terrain.noise if the ground does move"
+# Largest median difference of the heights of two maps that agree [m].
+MAX_DIFFERENCE = 0.02
+# Most samples to compare along each side.
+COMPARED_PER_SIDE = 32
+# The last maps to count, and the number of returns among them that reveals several publishers.
+COUNTED, MIN_RETURNS = 12, 4
+
+
+class Rivals:
+    """Detects publishers whose maps of one tile disagree, such as two mappers on one topic; used only while the topic
+    has several publishers.
+
+    Messages do not name their publisher. But the maps of two disagreeing publishers return again and again to the
+    heights that one of them published before the other; the maps of a single publisher do not.
+    """
+
+    def __init__(self) -> None:
+        # The last map of each of two presumed publishers, the newest one last.
+        self._known: list[tuple[GridGeometry, Heights]] = []
+        self._returns: deque[bool] = deque(maxlen=COUNTED)
+
+    @property
+    def found(self) -> bool:
+        """True if several publishers disagree."""
+        return sum(self._returns) >= MIN_RETURNS
+
+    def take(self, geometry: GridGeometry, heights: Heights) -> None:
+        agrees = [disagreement(geometry, heights, *known) <= MAX_DIFFERENCE for known in self._known]
+        goes_on = agrees[-1:] == [True]
+        self._returns.append(any(agrees) and not goes_on)
+        self._known = [*(self._known[:-1] if goes_on else self._known[-1:]), (geometry, heights)]
+
+
+def disagreement(geometry: GridGeometry, heights: Heights, other: GridGeometry, others: Heights) -> float:
+    """Return the median difference of the heights (rows, columns) [m] that two maps share; 0 if they share none."""
+    size = (geometry.rows, geometry.columns)
+    r, c = np.ix_(*(np.unique(np.linspace(0, n - 1, COMPARED_PER_SIDE).astype(int)) for n in size))
+    places = np.rint(other.to_grid(geometry.to_world(r, c)))
+    inside = ((places >= 0.0) & (places <= other.last)).all(axis=-1)
+    there = places[inside].astype(int)
+    gaps = heights[r, c][inside] + geometry.origin[2] - (others[there[:, 0], there[:, 1]] + other.origin[2])
+    gaps = np.abs(gaps[np.isfinite(gaps)])
+    return float(np.median(gaps)) if gaps.size else 0.0
 
 
 class MapChecks:
-    """Finds maps of sensors and mappers that the node treats as moving ground, by a `NoiseCheck` for each tile.
+    """Checks the maps of each tile: by a `NoiseCheck`, by `Rivals`, and for ground."""
 
-    ``warning``: the suspected problem and which parameter to set, or that there is no ground; empty = none."""
-
-    def __init__(self, logger: Any, now: Callable[[], float] = monotonic) -> None:
-        self._logger, self._now = logger, now
-        self._checks: dict[str, NoiseCheck] = {}
-        self._times: dict[str, float] = {}  # of the last map of each tile [s]
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._noise: dict[str, tuple[NoiseCheck, float]] = {}  # and the time of the last map [s]
+        self._rivals: dict[str, Rivals] = {}
         self._empty: dict[str, int] = {}  # numbers of samples of tiles without any ground
-        self._warned = -LOG_PAUSE  # steady time of the last warning [s]
-        self.warning = ""
+        self._warned = -LOG_PAUSE  # steady time of the last warning about noise or holes [s]
+        self._told = False  # the log has named rivals
+        self._disagreement = self._misuse = ""  # warnings about rivals, and about noise or holes
+
+    @property
+    def warning(self) -> str:
+        """The suspected problem, and what to do about it; empty = none."""
+        return self._disagreement or self._misuse
 
     def forget(self, tile: str | None = None) -> None:
-        """Restarts the check of a tile, or of all tiles."""
-        for name in {*self._checks, *self._empty, *self._times} if tile is None else [tile]:
-            self._checks.pop(name, None)
-            self._empty.pop(name, None)
-            self._times.pop(name, None)
-        self._update_warning()
+        """Restarts the checks of a tile, or of all tiles."""
+        for known in (self._noise, self._rivals, self._empty):
+            for name in [*known] if tile is None else [tile]:
+                known.pop(name, None)
+        if not self._found:
+            self._disagreement = ""
+        self._update_misuse()
 
     def note_holes(self, tile: str, heightmap: HeightMap, changed: Heights | None = None) -> None:
         """Notes whether a tile has any ground. ``changed``: the heights that are new (rows, columns), None = all."""
@@ -48,36 +99,66 @@ class MapChecks:
             self._empty[tile] = heightmap.size
         elif self._empty.pop(tile, None) is None:
             return
-        self._update_warning()
+        self._update_misuse()
 
-    def take(self, tile: str, heightmap: HeightMap, time: float, *, given: bool) -> None:
-        """Checks a whole map of a tile, of ``time`` [s]. Needs no check if changes are corrections, or if the map came
-        with velocities (``given``), because its ground moves."""
-        if given or heightmap.motion.corrects:
-            if tile in self._checks:
-                self.forget(tile)
-            return
-        if time < self._times.get(tile, time):  # on another clock
-            self.forget(tile)
-        self._times[tile] = time
-        check = self._checks.setdefault(tile, NoiseCheck())
-        before = check.findings
-        check.take(heightmap, time)
-        if check.findings != before:
-            self._update_warning()
+    def take(self, tile: str, raster: Raster, heightmap: HeightMap, time: float) -> None:
+        """Checks a whole map of a tile, of ``time`` [s], that the ``heightmap`` has taken. Its noise needs no check if
+        changes are corrections, or if the map came with velocities, because its ground moves."""
+        self._compare(tile, raster)
+        self.note_holes(tile, heightmap)
+        check, last = self._noise.get(tile, (None, time))
+        before = NO_FINDINGS if check is None else check.findings
+        if raster.velocities is not None or heightmap.motion.corrects:
+            self._noise.pop(tile, None)
+            found = NO_FINDINGS
+        else:
+            if check is None or time < last:  # on another clock
+                check = NoiseCheck()
+            self._noise[tile] = check, time
+            check.take(heightmap, time)
+            found = check.findings
+        if found != before:
+            self._update_misuse()
 
-    def _update_warning(self) -> None:
-        """Updates ``warning``, and logs a new one."""
-        seen = {tile: str(check.findings) for tile, check in self._checks.items() if check.findings != NO_FINDINGS}
+    def _compare(self, tile: str, raster: Raster) -> None:
+        """Look for rivals of a tile, while a topic has a second publisher, and log the first ones."""
+        session = self._session
+        if self._several():
+            self._rivals.setdefault(tile, Rivals()).take(raster.geometry, raster.heights)
+        else:
+            self._rivals.clear()
+        if not self._found:
+            self._disagreement = ""
+        elif not self._disagreement:
+            topics = [topic.topic_name for topic in session.terrain_subscriptions]
+            if names := session.names.of_publishers(session.node, topics):
+                self._disagreement = (
+                    f"maps of tile {tile!r} disagree; they come from {', '.join(names)}: remap one of them, or give "
+                    "each a tile of its own"
+                )
+                if not self._told:
+                    self._told = True
+                    session.node.get_logger().warning(self._disagreement)
+
+    def _several(self) -> bool:
+        return any(topic.get_publisher_count() > 1 for topic in self._session.terrain_subscriptions)
+
+    @property
+    def _found(self) -> bool:
+        return any(rivals.found for rivals in self._rivals.values())
+
+    def _update_misuse(self) -> None:
+        """Update the warning about noise and holes, and log a new one."""
+        seen = {tile: str(check.findings) for tile, (check, _) in self._noise.items() if check.findings != NO_FINDINGS}
         what = "; ".join(f"tile {tile!r}: {words}" if tile else words for tile, words in seen.items())
-        now, before = self._now(), self.warning
-        self.warning = f"maps look like those of a sensor or mapper ({what}) {ADVICE}" if what else ""
+        now, before = self._session.clock.steady(), self._misuse
+        self._misuse = f"maps look like those of a sensor or mapper ({what}) {ADVICE}" if what else ""
         for tile, samples in self._empty.items():
             place = f"tile {tile!r}" if tile else "the map"
-            self.warning = f"{place} has no ground: all its {samples} heights are NaN, which means a hole"
-        if self.warning and not before and now - self._warned >= LOG_PAUSE:
-            self._logger.warning(self.warning)
-        if self.warning or before:
+            self._misuse = f"{place} has no ground: all its {samples} heights are NaN, which means a hole"
+        if self._misuse and not before and now - self._warned >= LOG_PAUSE:
+            self._session.node.get_logger().warning(self._misuse)
+        if self._misuse or before:
             self._warned = now
 
 

@@ -16,6 +16,7 @@ class SourceClocks:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._clocks: dict[str, StampClock] = {}
+        session.source_clocks.append(self._clocks)
 
     def of(self, source: str) -> StampClock:
         """Return the clock of a source; a new one if no message of it was accepted yet."""
@@ -23,9 +24,10 @@ class SourceClocks:
 
     def forget(self, source: str | None = None) -> None:
         """Accept any next stamp of a source, None = of all."""
-        for name in [*self._clocks] if source is None else [source]:
-            self._clocks.pop(name, None)
-            self._session.stamp_ages.pop(name, None)
+        if source is None:
+            self._clocks.clear()
+        else:
+            self._clocks.pop(source, None)
 
     @contextmanager
     def placing(
@@ -45,7 +47,6 @@ class SourceClocks:
         self._note(source, placed)
         clock.accept(placed)
         self._clocks[source] = clock
-        session.stamp_ages[source] = clock.age
 
     def _note(self, source: str, placed: Placed) -> None:
         """Log a line if the stamps of a source, of which this is the first, are not on this node's clock, once that

@@ -27,7 +27,6 @@ from smartmesh_ros.node.inputs.cdr_reader import (
 from smartmesh_ros.node.inputs.deck_inputs import DeckInputs, Target
 from smartmesh_ros.node.inputs.map_checks import MapChecks
 from smartmesh_ros.node.inputs.optional_messages import find_message, require_message
-from smartmesh_ros.node.inputs.rivals import RivalMaps
 from smartmesh_ros.node.inputs.source_clocks import SourceClocks
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.session import Session, require_name
@@ -53,33 +52,38 @@ class TerrainInputs:
         self._terrain = session.world.terrain
         self._on_terrain = on_terrain
         self._clocks = SourceClocks(session)
-        self._rivals, self._checks = RivalMaps(session), MapChecks(session.node.get_logger(), session.clock.steady)
+        self._checks = MapChecks(session)
         settings = session.settings
         maps, updates = QoSProfile(depth=MAPS), QoSProfile(depth=UPDATES)
         before = len(session.subscriptions)
         session.listen(Heightmap, "heightmap", self._on_map, maps, raw=True)
-        session.listen(HeightmapUpdate, "heightmap_update", self._on_region, updates, raw=True)
+        session.listen(
+            HeightmapUpdate, "heightmap_update", lambda data: self._take_region(region_from(data)), updates, raw=True
+        )
         session.listen(TerrainMesh, "terrain_mesh", self._on_mesh, maps, raw=True)
         session.listen(TerrainMeshUpdate, "terrain_mesh_update", self._on_mesh_update, updates, raw=True)
         if settings.input != "heightmap":
             adapter = ADAPTERS[settings.input]
             kind = require_message(adapter.package, adapter.message, f"terrain.input {settings.input!r}")
             session.listen(kind, settings.input, partial(self._on_raster, adapter.convert), maps)
-        if settings.input == "occupancy_grid":
-            self._listen_to_occupancy_updates(updates)
+        if settings.input == "occupancy_grid" and (kind := find_message("map_msgs", "OccupancyGridUpdate")):
+            session.listen(kind, "occupancy_grid_update", self._on_occupancy_update, updates)
+        elif settings.input == "occupancy_grid":
+            session.node.get_logger().info(
+                "no ~/occupancy_grid_update: it needs map_msgs, which is not installed; apt install ros-jazzy-map-msgs"
+            )
         session.terrain_subscriptions = session.subscriptions[before:]
         if settings.file:
             with naming("terrain.file"):
                 self.load(files.load(settings.file, settings.raster, MOST_SAMPLES))
 
     def forget_stamps(self) -> None:
-        """Accepts any stamps from now on, after a reset."""
         self._clocks.forget()
         self._checks.forget()
         for name, tile in self._terrain.tiles.items():
             if isinstance(tile, HeightMap):
                 self._checks.note_holes(name, tile)
-        self._session.map_warning = self._rivals.warning or self._checks.warning
+        self._session.map_warning = self._checks.warning
 
     def _on_map(self, data: bytes) -> None:
         new = map_from(data)
@@ -91,23 +95,19 @@ class TerrainInputs:
 
     def _take_map(self, topic: str, start: Stamped, convert: Callable[[], Raster | None]) -> None:
         """Checks a whole map and puts it into the terrain, or a deck of it; None removes the tile."""
-        session, target = self._session, self._target(start)
-        if self._overtaken(topic, start):
+        session, clock = self._session, self._clocks.of(_source(self._target(start)))
+        # A newer map arrived just before this one.
+        late = clock.is_overtaken(stamp_seconds(start), session.clock_now(), session.settings.motion.max_interval)
+        session.overtaken[topic] += late
+        if late:
             return
-        with self._ingesting(start) as placed:
+        with self._ingesting(start) as (target, placed):
             raster = convert()
             if raster is None:
                 target.tiles.remove(target.tile)
                 return
-            self._rivals.take(target.name, raster.geometry, raster.heights)
-            take_map(self._terrain, session.settings, target, raster, placed.time)
-            taken = target.tiles.tiles[target.tile]
-            if isinstance(taken, HeightMap):
-                self._checks.note_holes(target.name, taken)
-                self._checks.take(target.name, taken, placed.source_time, given=raster.velocities is not None)
-
-    def _on_region(self, data: bytes) -> None:
-        self._take_region(region_from(data))
+            taken = take_map(self._terrain, session.settings, target, raster, placed.time)
+            self._checks.take(target.name, raster, taken, placed.source_time)
 
     def _on_occupancy_update(self, message: Any) -> None:
         settings = self._session.settings
@@ -115,28 +115,17 @@ class TerrainInputs:
         self._take_region(RegionInput(_start_of(message.header), row, column, heights, None))
 
     def _take_region(self, new: RegionInput) -> None:
-        with self._ingesting(new.start, update=True) as placed:
-            target = self._target(new.start)
+        with self._ingesting(new.start, update=True) as (target, placed):
             tile = target.tiles.tile(target.tile)
             if not isinstance(tile, HeightMap):
-                raise InputError(
-                    "unknown_tile", f"tile {new.start.tile!r} is a general mesh; use ~/terrain_mesh_update"
-                )
+                words = f"tile {new.start.tile!r} is a general mesh; use ~/terrain_mesh_update"
+                raise InputError("unknown_tile", words)
             time = max(placed.time, tile.time)  # of a source whose clock is behind that of another one
             require_soils(new.material, self._session.settings)
             tile.update_region(
                 new.row, new.column, new.heights, time=time, velocities=new.velocities, material=new.material
             )
             self._checks.note_holes(target.name, tile, new.heights)
-
-    def _listen_to_occupancy_updates(self, qos: QoSProfile) -> None:
-        kind = find_message("map_msgs", "OccupancyGridUpdate")
-        if kind is not None:
-            self._session.listen(kind, "occupancy_grid_update", self._on_occupancy_update, qos)
-        else:
-            self._session.node.get_logger().info(
-                "no ~/occupancy_grid_update: it needs map_msgs, which is not installed; apt install ros-jazzy-map-msgs"
-            )
 
     def load(self, raster: Raster) -> None:
         """Takes the terrain of a file."""
@@ -148,14 +137,13 @@ class TerrainInputs:
         for of in (self._terrain, *self._decks.decks.values()):
             for tile in list(of.tiles):
                 of.remove(tile)
-        self._rivals.clear()
+        self._checks.forget()
         self._session.last_map_time, self._session.frame_id = None, self._session.settings.frame_id
 
     def _on_mesh(self, data: bytes) -> None:
         settings = self._session.settings
         new = mesh_from(data)
-        with self._ingesting(new.start) as placed:
-            target = self._target(new.start)
+        with self._ingesting(new.start) as (target, placed):
             if not len(new.vertices) and not len(new.triangles):
                 target.tiles.remove(target.tile)
                 return
@@ -167,8 +155,7 @@ class TerrainInputs:
 
     def _on_mesh_update(self, data: bytes) -> None:
         new = mesh_update_from(data)
-        with self._ingesting(new.start, update=True) as placed:
-            target = self._target(new.start)
+        with self._ingesting(new.start, update=True) as (target, placed):
             mesh = target.tiles.tile(target.tile)
             if not isinstance(mesh, TriangleMesh):
                 raise InputError("unknown_tile", f"tile {new.start.tile!r} is a height map; use ~/heightmap_update")
@@ -178,17 +165,10 @@ class TerrainInputs:
     def _target(self, start: Stamped) -> Target:
         return self._decks.target(start.tile, start.frame_id)
 
-    def _overtaken(self, topic: str, start: Stamped) -> bool:
-        """Return True, and count the map, if a newer map arrived just before it; such a map is skipped."""
-        session, clock = self._session, self._clocks.of(_source(self._target(start)))
-        late = clock.is_overtaken(stamp_seconds(start), session.clock_now(), session.settings.motion.max_interval)
-        session.overtaken[topic] += late
-        return late
-
     @contextmanager
-    def _ingesting(self, start: Stamped, *, update: bool = False) -> Iterator[Placed]:
-        """Checks the fields common to all terrain messages and yields the stamp in simulated time; records the message
-        as accepted unless the block raises `InputError`."""
+    def _ingesting(self, start: Stamped, *, update: bool = False) -> Iterator[tuple[Target, Placed]]:
+        """Checks the fields common to all terrain messages, and yields where they belong and the stamp in simulated
+        time; records the message as accepted unless the block raises `InputError`."""
         session, target = self._session, self._target(start)
         tiles, longest = target.tiles.tiles, session.settings.motion.max_interval
         with session.world.stopwatch.stage("ingest"):
@@ -200,18 +180,17 @@ class TerrainInputs:
                 # so would a jump of its clock.
                 _moved_on(tiles.get(target.tile), longest if placed.fresh else placed.lost),
             ):
-                yield placed
+                yield target, placed
             if target.tile in tiles:
                 tiles[target.tile].delay = self._clocks.of(_source(target)).delay
             else:  # the message removed it; names of others may come without end
                 self._clocks.forget(_source(target))
                 self._checks.forget(target.name)
-                self._rivals.forget(target.name)
             if not target.frame:
                 session.frame_id = session.frame_id or start.frame_id or DEFAULT_FRAME
             session.last_map_time = session.clock.steady()
             session.maps += 1
-            session.map_warning = self._rivals.warning or self._checks.warning
+            session.map_warning = self._checks.warning
         self._on_terrain()
 
     def _require_place(self, target: Target, start: Stamped, *, update: bool) -> None:
@@ -272,8 +251,8 @@ def require_soils(material: Material, settings: Settings) -> None:
         raise InputError("soil", f"soils are up to {soil.max()}; they must be places in soil.type, 0 to {last}")
 
 
-def take_map(terrain: Terrain, settings: Settings, target: Target, raster: Raster, time: float) -> None:
-    """Puts a map of ``time`` [s] into the terrain, or a deck of it.
+def take_map(terrain: Terrain, settings: Settings, target: Target, raster: Raster, time: float) -> HeightMap:
+    """Puts a map of ``time`` [s] into the terrain, or a deck of it, and returns it.
 
     A map on the same grid replaces the heights of the last one, unless it is older, by its source's clock. If the grid
     moved, samples that both grids share keep their velocities. The ground keeps the layers of its material that the
@@ -284,10 +263,11 @@ def take_map(terrain: Terrain, settings: Settings, target: Target, raster: Raste
     known = target.tiles.tiles.get(target.tile)
     if isinstance(known, HeightMap) and known.geometry == geometry and time >= known.time:
         known.replace(heights, time=time, velocities=velocities, variance=variances, material=material)
-        return
+        return known
     require_tile_fits(target, geometry.size, terrain)
     new = HeightMap(
         heights, geometry=geometry, time=time, velocities=velocities, variance=variances, material=material,
         motion=settings.motion,
     )  # fmt: skip
     target.tiles.put(target.tile, new)
+    return new

@@ -16,6 +16,8 @@ from smartmesh_ros.world.world import World
 
 # Longest time between two poses from which velocity is estimated; a body without a pose for so long stops [s].
 MAX_INTERVAL = 0.5
+# Square of a velocity that counts as zero [m^2/s^2, rad^2/s^2].
+TINY = 1e-300
 
 
 @dataclass
@@ -51,7 +53,6 @@ class Tracking:
 
     @property
     def names(self) -> list[str]:
-        """Names of the tracked bodies."""
         return list(self._last_poses)
 
     def update(
@@ -82,7 +83,11 @@ class Tracking:
             radius = shape if isinstance(shape, int | float) else shape.bounding_radius
             speed = max(linear, radius * angular)
             if speed > self.max_velocity or angular > FASTEST_SPIN:
-                jump, change = self._jump(name, last.tracked, state, speed), last.change
+                change, distance = last.change, math.dist(last.tracked.position, state.position)
+                jump = (
+                    f"the pose of {name!r} jumped by {distance:.3g} m, which is {speed:.3g} m/s at its surface; "
+                    f"velocities are estimated up to bodies.max_velocity = {self.max_velocity:g} m/s"
+                )
             else:
                 tracked = _with_velocity(state, change, last.change)
         self._world.track(name, shape, tracked)
@@ -100,7 +105,6 @@ class Tracking:
         self._last_poses = {name: _LastPose(self._world.state(name), -math.inf, time, False, None) for name in tracked}
 
     def forget(self, name: str) -> None:
-        """Removes a tracked body."""
         if name in self._last_poses and name in self._world.bodies:
             self._world.remove(name)
         self._last_poses.pop(name, None)  # once it is gone: a removal that failed is made again
@@ -120,13 +124,6 @@ class Tracking:
             self.forget(name)
         return gone
 
-    def _jump(self, name: str, before: BodyState, after: BodyState, speed: float) -> str:
-        distance = math.dist(before.position, after.position)
-        return (
-            f"the pose of {name!r} jumped by {distance:.3g} m, which is {speed:.3g} m/s at its surface; velocities are "
-            f"estimated up to bodies.max_velocity = {self.max_velocity:g} m/s"
-        )
-
 
 def _velocity(before: BodyState, after: BodyState, interval: float) -> FloatArray:
     """Return the mean velocity (2, 3), linear and angular, between two poses ``interval`` [s] apart."""
@@ -137,14 +134,8 @@ def _velocity(before: BodyState, after: BodyState, interval: float) -> FloatArra
 
 def _with_velocity(state: BodyState, change: FloatArray, before: FloatArray | None) -> BodyState:
     """Return a state with the velocity of the last change of pose, reduced to what the change ``before`` confirms."""
-    if before is not None:
-        change = np.stack([_confirmed(part, part_before) for part, part_before in zip(change, before, strict=True)])
+    if before is not None:  # shortened to the component of the one before along it
+        squares = np.maximum((change * change).sum(axis=1), TINY)
+        change = change * np.clip((change * before).sum(axis=1) / squares, 0.0, 1.0)[:, None]
     linear, angular = change.tolist()
     return replace(state, linear=tuple(linear), angular=tuple(angular))
-
-
-def _confirmed(velocity: FloatArray, before: FloatArray) -> FloatArray:
-    """Return a velocity (3,), shortened to the component of the one ``before`` along it."""
-    square = float(velocity @ velocity)
-    share = float(velocity @ before) / square if square > 0.0 else 0.0
-    return velocity * min(max(share, 0.0), 1.0)

@@ -106,11 +106,9 @@ class TransformInput:
                 else:
                     self._others[child.strip("/")] = max(now, self._others.get(child.strip("/"), now))
                 if back:
-                    raise InputError(
-                        "stamp_backwards",
-                        f"transforms of {child!r} before this one were dropped: its stamp is {back:.3f} s older, as if "
-                        "the clock of its source was set back or a recording started over",
-                    )
+                    words = f"transforms of {child!r} before this one were dropped: its stamp is {back:.3f} s older"
+                    cause = "as if the clock of its source was set back or a recording started over"
+                    raise InputError("stamp_backwards", f"{words}, {cause}")
             except InputError as error:
                 self._session.refusals.add(topic, error)
 

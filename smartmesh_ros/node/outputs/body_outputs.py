@@ -15,7 +15,6 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import (
     BodyDescription,
-    BodyDescriptionArray,
     Contact,
     ContactArray,
     ContactWrench,
@@ -55,7 +54,6 @@ def body_states(
 
 
 def contact_array(message: ArrayMessage, header: Header, contacts: list[GroundContact]) -> bytes:
-    """Return the ContactArray of contacts between bodies and the ground."""
     message.start(header.frame_id, lambda: ContactArray(header=header), stamp_fields(header))
     numbers = np.array([(*c.position, *c.normal, c.depth, c.normal_force) for c in contacts]).reshape(-1, 8)
     names, fields = [contact.body for contact in contacts], dict(zip(_CONTACT_FIELDS, numbers.T, strict=True))
@@ -105,18 +103,15 @@ def contact_wrenches(header: Header, world: World) -> ContactWrenchArray:
 
 
 def pose_message(state: BodyState) -> Pose:
-    """Return the pose of a state."""
     x, y, z = state.position
     return Pose(position=Point(x=x, y=y, z=z), orientation=quaternion_message(state.orientation))
 
 
 def twist_message(state: BodyState) -> Twist:
-    """Return the twist of a state."""
     return Twist(linear=vector_message(state.linear), angular=vector_message(state.angular))
 
 
 def vector_message(values: Sequence[float]) -> Vector3:
-    """Return three numbers as a vector."""
     x, y, z = values
     return Vector3(x=x, y=y, z=z)
 
@@ -127,13 +122,7 @@ def quaternion_message(values: Sequence[float]) -> Quaternion:
     return Quaternion(x=x, y=y, z=z, w=w)
 
 
-def descriptions(header: Header, bodies: list[Body]) -> BodyDescriptionArray:
-    """Return the descriptions of bodies."""
-    return BodyDescriptionArray(header=header, bodies=[description(body) for body in bodies])
-
-
 def description(body: Body) -> BodyDescription:
-    """Return the description of a body."""
     made = BodyDescription(id=body.name, tracked=body.tracked)
     if body.urdf is not None:
         made.shape = BodyDescription.ROBOT

@@ -198,7 +198,6 @@ class ArrayMessage:
             self.add(size, partial(template, *(column[rows[0]] for column in texts.values())), len(rows), values)
 
     def finish(self) -> bytes:
-        """Return the message's bytes."""
         self._buffer[: self._start][-4:] = np.array([self._count], "<u4").view(np.uint8)  # the sequence's length
         return b"".join([HEADER, self._buffer[: self._end].data])
 
@@ -209,7 +208,6 @@ def fields_of(path: str, axes: str = "xyz") -> tuple[str, ...]:
 
 
 def stamp_fields(header: Header) -> dict[str, Any]:
-    """Return the fields of a header's stamp."""
     return {"header.stamp.sec": header.stamp.sec, "header.stamp.nanosec": header.stamp.nanosec}
 
 

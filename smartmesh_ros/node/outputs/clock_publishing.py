@@ -6,7 +6,7 @@ from typing import Any
 
 from rosgraph_msgs.msg import Clock
 
-from smartmesh_ros.node.outputs.rhythm import Rhythm
+from smartmesh_ros.node.outputs.rates import Rhythm
 from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.session import Session
 
@@ -30,7 +30,9 @@ class ClockPublishing:
         """Publishes the clock if it is due at the steady time ``now`` [s]."""
         node, rate = self._session.node, self._session.settings.publish.clock
         if not rate:
-            self._close()
+            if self._publisher is not None:
+                node.destroy_publisher(self._publisher)
+            self._publisher, self.rivals = None, []
             return
         if not self._rhythm.is_due(now, rate):
             return
@@ -53,12 +55,6 @@ class ClockPublishing:
                 "publish.clock to 0 and use_sim_time to true to follow that clock",
                 throttle_duration_sec=LOG_PERIOD,
             )
-
-    def _close(self) -> None:
-        if self._publisher is not None:
-            self._session.node.destroy_publisher(self._publisher)
-            self._publisher = None
-        self.rivals = []
 
 
 # Time without a change of the clock after which the node says that it waits [s]. Longer than the pauses between the

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import chain, islice
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.qos import QoSProfile
 
 from smartmesh_ros.errors import listed
-from smartmesh_ros.node.endpoints import Namesakes, incompatible_peers, publishers_of, unheard_latched
+from smartmesh_ros.node.endpoints import incompatible_peers, publishers_of, unheard_latched
 from smartmesh_ros.node.fleet.peers import PeerBodies
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing, ClockWatch
 from smartmesh_ros.node.session import Session
@@ -58,14 +59,14 @@ class PaceWindow:
 class Diagnostics:
     """Publishes the state of the node's tasks: terrain, bodies, physics, inputs, connections.
 
-    ``clock``: the node's output on ``/clock``. ``publishers``: of all outputs.
+    ``clock``: the node's output on ``/clock``.
     """
 
-    def __init__(self, session: Session, peers: PeerBodies, clock: ClockPublishing, publishers: list[Any]) -> None:
-        self._session, self._peers, self._clock, self._publishers = session, peers, clock, publishers
+    def __init__(self, session: Session, peers: PeerBodies, clock: ClockPublishing) -> None:
+        self._session, self._peers, self._clock = session, peers, clock
         self._world = session.world
         self._publisher = session.node.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
-        self._clock_watch, self._namesakes = ClockWatch(session), Namesakes(session.node)
+        self._clock_watch, self._namesakes = ClockWatch(session), 0
         self._window, self._clock_window = PaceWindow(session), PaceWindow(session, session.clock.pace)
         self._due, self._connections_due = 0.0, 0.0
         self._connections: dict[str, int] = {}
@@ -89,7 +90,18 @@ class Diagnostics:
         )
         message.header.stamp = self._session.stamp_now()
         self._publisher.publish(message)
-        self._namesakes.check()
+        self._warn_of_namesakes()
+
+    def _warn_of_namesakes(self) -> None:
+        """Log whenever another node of the same full name appears, which hears and answers the same calls."""
+        node, before = self._session.node, self._namesakes
+        self._namesakes = node.get_node_names_and_namespaces().count((node.get_name(), node.get_namespace())) - 1
+        if self._namesakes > before:
+            node.get_logger().warning(
+                f"another node is called {node.get_fully_qualified_name()}, or was until seconds ago: both hear the "
+                "same topics, and either answers calls meant for the other; give one a namespace (-r __ns:=/name) or "
+                "another ROS_DOMAIN_ID"
+            )
 
     def _connections_changed(self, now: float) -> bool:
         self._connections_due = now + CONNECTIONS_PERIOD
@@ -188,12 +200,13 @@ class Diagnostics:
 
     def _ends(self) -> tuple[bytes, str, dict[str, Any]]:
         session, rivals = self._session, self._clock.rivals
-        incompatible = incompatible_peers(session.node, session.subscriptions, self._publishers, session.names)
+        incompatible = incompatible_peers(session.node, session.subscriptions, session.publishers, session.names)
         publishers = publishers_of(session.subscriptions)
         values: dict[str, Any] = {f"publishers of {topic}": count for topic, count in publishers.items()}
         values |= {f"without stamp on {topic}": count for topic, count in sorted(session.unstamped.items())}
-        ages = [(source, age) for source, age in session.stamp_ages.items() if age is not None]
-        values |= {f"age of stamps on arrival, {source} [s]": f"{age:.3f}" for source, age in ages[:MOST_AGES]}
+        sources = chain.from_iterable(clocks.items() for clocks in session.source_clocks)
+        ages = islice(((source, clock.age) for source, clock in sources if clock.age is not None), MOST_AGES)
+        values |= {f"age of stamps on arrival, {source} [s]": f"{age:.3f}" for source, age in ages}
         values |= {f"incompatible QoS on {topic}": peers for topic, peers in incompatible.items()}
         if rivals:
             values["/clock is also published by"] = ", ".join(rivals)

@@ -10,19 +10,17 @@ from sensor_msgs.msg import Imu as ImuMessage
 from std_msgs.msg import Header
 
 from smartmesh_ros.ground.body_shapes import link_name
-from smartmesh_ros.ground.quaternions import Z, about, quaternion_of
+from smartmesh_ros.ground.quaternions import quaternion_of
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.body_outputs import pose_message, quaternion_message, vector_message
-from smartmesh_ros.node.outputs.broadcast import Broadcast, OwnFrame
-from smartmesh_ros.node.outputs.rhythm import Beat
+from smartmesh_ros.node.outputs.rates import Beat
+from smartmesh_ros.node.outputs.transform_outputs import Broadcast, OwnFrame
 from smartmesh_ros.node.parameters.entries import OutputEntry
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.node.timing.stamps import stamp_seconds
 from smartmesh_ros.terrain.deck import Frame
-from smartmesh_ros.world.base import Base
 from smartmesh_ros.world.imu import Imu, ImuReading
 
 
@@ -30,9 +28,9 @@ class ImuOutput:
     """``~/imu/<body>/<link>``: an IMU of an entry of ``imus``, which measures while it has subscribers and its link is
     there. ``publisher``: of the readings."""
 
-    def __init__(self, session: Session, entry: OutputEntry, qos: Any) -> None:
+    def __init__(self, session: Session, entry: OutputEntry) -> None:
         self._session, self._entry = session, entry
-        self.publisher = session.publisher(ImuMessage, entry.topic, qos)
+        self.publisher = session.publisher(ImuMessage, entry.topic)
         self._imu: Imu | None = None
 
     def publish(self, *, now: bool) -> None:
@@ -64,14 +62,13 @@ class OdometryOutput:
     """``~/odom/<body>``: the odometry of a base at its rate in simulated time, and with ``publish_tf`` the transform
     from its frame to the root link. ``publisher``: of the odometry."""
 
-    def __init__(self, session: Session, entry: OutputEntry, base: Base, transforms: TransformInput, qos: Any) -> None:
-        self._session, self._entry, self._base = session, entry, base
-        self.publisher = session.publisher(Odometry, entry.topic, qos)
+    def __init__(self, session: Session, entry: OutputEntry, transforms: TransformInput) -> None:
+        self._session, self._entry, self._base = session, entry, session.bases[entry.body]
+        self.publisher = session.publisher(Odometry, entry.topic)
         self._broadcast = Broadcast(session, transforms, "publish_tf of bases") if entry.publish_tf else None
         self._beat = Beat(session.world, entry.rate)
 
     def publish(self, *, now: bool) -> None:
-        """Publish what is due, or ``now``."""
         session, entry = self._session, self._entry
         body = session.world.bodies.get(entry.body)
         if body is None or not body.is_robot or not body.simulated:
@@ -79,27 +76,17 @@ class OdometryOutput:
         if not self._beat.is_due(now=now):
             return
         header = Header(stamp=session.stamp_now(), frame_id=entry.odom_frame)
-        pose, child = odometry_pose(self._base), frame_of(session, entry.body)
+        pose, child = self._base.odometry.pose, frame_of(session, entry.body)
         if self.publisher.get_subscription_count():
-            self.publisher.publish(self._message(header, child, pose))
+            found, message = self._base.odometry, Odometry(header=header, child_frame_id=child)
+            message.pose.pose, twist = pose_message(BodyState(*pose)), message.twist.twist
+            twist.linear.x, twist.linear.y, twist.angular.z = found.linear, found.side, found.angular
+            self.publisher.publish(message)
         if self._broadcast is not None and self._broadcast.is_next(header):
             self._broadcast.send(header, [OwnFrame(header.frame_id, child, pose)])
 
-    def _message(self, header: Header, child: str, pose: Transform) -> Odometry:
-        found, message = self._base.odometry, Odometry(header=header, child_frame_id=child)
-        message.pose.pose, twist = pose_message(BodyState(*pose)), message.twist.twist
-        twist.linear.x, twist.linear.y, twist.angular.z = found.linear, found.side, found.angular
-        return message
-
-
-def odometry_pose(base: Base) -> Transform:
-    """Return the pose of the root link of a base in the frame of its odometry."""
-    found = base.odometry
-    return Transform((found.x, found.y, 0.0), about(Z, found.yaw))
-
 
 def deck_state(frame: Frame) -> BodyState:
-    """Return the state of the frame of a deck."""
     vectors = (vector.tolist() for vector in (frame.position, frame.velocity, frame.spin))
     position, linear, angular = ((x, y, z) for x, y, z in vectors)
     return BodyState(position, quaternion_of(frame.rotation), linear, angular)

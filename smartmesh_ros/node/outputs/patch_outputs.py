@@ -19,19 +19,18 @@ from smartmesh_ros.terrain.grid import IntArray
 
 
 class SentPatches:
-    """Revisions of the patches of the last message, by slot. Bodies without a patch in it count as changed when they
-    return."""
+    """Revisions of the patches of the last message, by slot, while the bodies stay the same. Those without a patch in
+    it count as changed when they return."""
 
-    def __init__(self) -> None:
-        self._sent = np.empty(0, np.int64)
-
-    def changed(self, slots: IntArray, revisions: IntArray, capacity: int) -> NDArray[np.bool_]:
-        """Return which of the patches of ``slots`` (n,) differ from those last sent, and note them as sent."""
-        before = np.full(capacity, -1)
-        before[: len(self._sent)] = self._sent
+    def __init__(self, capacity: int = 0) -> None:
         self._sent = np.full(capacity, -1)
+
+    def changed(self, slots: IntArray, revisions: IntArray) -> NDArray[np.bool_]:
+        """Return which of the patches of ``slots`` (n,) differ from those last sent, and note them as sent."""
+        before = self._sent[slots]
+        self._sent.fill(-1)
         self._sent[slots] = revisions
-        return np.asarray(before[slots] != revisions)
+        return np.asarray(before != revisions)
 
 
 # Id of the marker that deletes all others. RViz reports an error if an id comes twice in an array.
@@ -78,29 +77,20 @@ class PatchMarkers:
         ``names``: names of all bodies that may have a patch, by slot; ``epoch`` changes when the bodies change.
         ``clear``: first delete all markers of the namespace, such as those of a node that ended.
         """
-        self._assign_ids(names, epoch)
-        changed = self._sent.changed(patches.slots, patches.marker_revisions(), len(names))
+        if epoch != self._epoch:
+            self._epoch, self._sent = epoch, SentPatches(len(names))
+            self._ids = {name: self._ids.get(name, self._next_id + new) for new, name in enumerate(names)}
+            self._id_of = np.array([self._ids[name] for name in names], np.int64)
+            self._next_id += len(names)
+        changed = self._sent.changed(patches.slots, patches.marker_revisions())
         shown = self._id_of[patches.slots]
         written = changed if only_changed else np.ones(len(shown), bool)
-        gone = self._gone(np.sort(shown))
+        before, self._shown = self._shown, np.sort(shown)
+        gone = before[:0] if np.array_equal(before, self._shown) else np.setdiff1d(before, self._shown)
         return patches.markers(
             patches.slots[written], shown[written], gone, (header.stamp.sec, header.stamp.nanosec), header.frame_id,
             self._namespace, COLOUR, LIFT, clear=clear,
         )  # fmt: skip
-
-    def _assign_ids(self, names: list[str], epoch: int) -> None:
-        """Assigns marker ids to new bodies."""
-        if epoch != self._epoch:
-            self._epoch = epoch
-            self._ids = {name: self._ids.get(name, self._next_id + new) for new, name in enumerate(names)}
-            self._id_of = np.array([self._ids[name] for name in names], np.int64)
-            self._next_id += len(names)
-            self._sent = SentPatches()
-
-    def _gone(self, shown: IntArray) -> IntArray:
-        """Return the ids that were shown before but are not in ``shown`` (n,), ascending."""
-        before, self._shown = self._shown, shown
-        return before[:0] if np.array_equal(before, shown) else np.setdiff1d(before, shown)
 
 
 class ColliderPatches:
@@ -120,8 +110,7 @@ class ColliderPatches:
         ``names``: names of all bodies that may have a patch, by slot; ``epoch`` changes when the bodies change.
         """
         if epoch != self._epoch:
-            self._epoch = epoch
-            self._sent = SentPatches()
+            self._epoch, self._sent = epoch, SentPatches(len(names))
         bodies = [names[slot] for slot in patches.slots.tolist()]
         shown = set(bodies)
         gone = sorted(self._shown - shown) if only_changed else []
@@ -131,7 +120,7 @@ class ColliderPatches:
             lambda: ColliderPatchArray(header=header, incremental=only_changed, removed=gone),
             stamp_fields(header),
         )
-        changed = self._sent.changed(patches.slots, patches.revisions, len(names))
+        changed = self._sent.changed(patches.slots, patches.revisions)
         chosen = np.flatnonzero(changed) if only_changed else np.arange(len(patches))
         groups: dict[tuple[str, bool, int, int, int], list[int]] = defaultdict(list)
         for index in chosen.tolist():  # patches of equal size form one group

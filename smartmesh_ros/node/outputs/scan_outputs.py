@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
-from rclpy.qos import QoSProfile
+from numpy.typing import ArrayLike
 from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension, MultiArrayLayout
 
 from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.outputs.cdr import floats
-from smartmesh_ros.node.outputs.grid_maps import grid_map_message
-from smartmesh_ros.node.outputs.rhythm import Beat
+from smartmesh_ros.node.outputs.rates import Beat
 from smartmesh_ros.node.parameters.entries import OutputEntry
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
-from smartmesh_ros.terrain.height_scan import HeightScan
 from smartmesh_ros.world.height_scanner import HeightScanner
 from smartmesh_ros.world.world import World
 
@@ -23,10 +24,15 @@ class ScanOutput:
     """``~/height_scan/<body>``, for policies of legged robots: the scan of an entry of ``height_scans`` at its rate in
     simulated time, while it has subscribers and its body is there. ``publisher``: of the scan."""
 
-    def __init__(self, session: Session, entry: OutputEntry, qos: QoSProfile) -> None:
+    def __init__(self, session: Session, entry: OutputEntry) -> None:
         self._world, self._entry, self._beat = session.world, entry, Beat(session.world, entry.rate)
-        self.publisher = session.publisher(Float32MultiArray, entry.topic, qos)
-        self._layout = layout_message(entry.config)
+        self.publisher = session.publisher(Float32MultiArray, entry.topic)
+        (slow, rows), (fast, columns) = entry.config.layout  # axes of the body's yaw frame
+        dimensions = [
+            MultiArrayDimension(label=slow, size=rows, stride=rows * columns),
+            MultiArrayDimension(label=fast, size=columns, stride=columns),
+        ]
+        self._layout = MultiArrayLayout(dim=dimensions)
         self._scanner = HeightScanner(session.world, entry.body, entry.config)
 
     def publish(self, *, now: bool) -> None:
@@ -40,27 +46,16 @@ class ScanOutput:
             self.publisher.publish(Float32MultiArray(layout=self._layout, data=floats(values[0])))
 
 
-def layout_message(scan: HeightScan) -> MultiArrayLayout:
-    """Return the layout of a scan's values: axes "x" and "y" of the body's yaw frame, the slower one first."""
-    (slow, rows), (fast, columns) = scan.layout
-    dimensions = [
-        MultiArrayDimension(label=slow, size=rows, stride=rows * columns),
-        MultiArrayDimension(label=fast, size=columns, stride=columns),
-    ]
-    return MultiArrayLayout(dim=dimensions)
-
-
 class GroundMapOutput:
     """``~/ground_map/<body>``: the true ground of an entry of ``ground_maps`` at its rate in simulated time, while it
     has subscribers, its body is there, and there is ground. ``publisher``: of the map."""
 
-    def __init__(self, session: Session, entry: OutputEntry, qos: QoSProfile) -> None:
+    def __init__(self, session: Session, entry: OutputEntry) -> None:
         self._session, self._entry, self._beat = session, entry, Beat(session.world, entry.rate)
         self._kind = require_message("grid_map_msgs", "GridMap", "ground_maps")
-        self.publisher = session.publisher(self._kind, entry.topic, qos)
+        self.publisher = session.publisher(self._kind, entry.topic)
 
     def publish(self, *, now: bool) -> None:
-        """Publish the map if it is due, or ``now``."""
         session, entry, world = self._session, self._entry, self._session.world
         seen = self.publisher.get_subscription_count() and entry.body in world.bodies and not world.terrain.empty
         if not seen or not self._beat.is_due(now=now):
@@ -99,3 +94,30 @@ def _sinkage(world: World, xy_w: FloatArray, z: FloatArray) -> FloatArray:
         chosen = on_map & (soil.map.at(xy_w, world.time).heights == z)
         sinkage[chosen] = soil.sinkage()[tuple(places[chosen].T)]
     return sinkage
+
+
+def grid_map_message(kind: Any, header: Header, grid: GridGeometry, layers: Mapping[str, ArrayLike]) -> Any:
+    """Return ``layers`` (rows, columns) of a grid as a grid map of the class ``kind``; its basic layer is the first.
+
+    Cell (0, 0) of a grid map is the one farthest along +x and +y. The grid's yaw is not part of a grid map.
+    """
+    message = kind(header=header)
+    message.info.resolution = grid.resolution
+    message.info.length_x, message.info.length_y = grid.columns * grid.resolution, grid.rows * grid.resolution
+    middle = grid.to_world(0.5 * (grid.rows - 1), 0.5 * (grid.columns - 1))
+    message.info.pose.position.x, message.info.pose.position.y = middle.tolist()
+    message.info.pose.orientation.w = 1.0
+    message.layers, message.basic_layers = [*layers], [next(iter(layers))]
+    message.data = [_layer(values) for values in layers.values()]
+    return message
+
+
+def _layer(values: ArrayLike) -> Float32MultiArray:
+    cells = np.asarray(values, np.float32).T[::-1, ::-1]  # rows along -x, columns along -y
+    along_x, along_y = cells.shape
+    message = Float32MultiArray(data=floats(cells.T))
+    message.layout.dim = [
+        MultiArrayDimension(label="column_index", size=along_y, stride=along_x * along_y),
+        MultiArrayDimension(label="row_index", size=along_x, stride=along_x),
+    ]
+    return message

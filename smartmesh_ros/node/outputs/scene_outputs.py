@@ -93,7 +93,6 @@ class SceneMarkers:
         return message.finish()
 
     def _groups(self) -> Iterator[Drawn]:
-        """Yield the markers of all bodies."""
         world, first = self._world, next(iter(self._session.robot_names.prefixes()), None)
         tracked = [body for body in world.bodies.values() if body.tracked]
         poses_w = BulletCalls(world.client).poses([body.uid for body in tracked])

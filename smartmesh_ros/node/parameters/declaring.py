@@ -78,7 +78,6 @@ def nearest(name: str, specs: Sequence[Spec]) -> str:
 
 
 def current_values(node: Node, specs: Sequence[Spec]) -> dict[str, Any]:
-    """Return the current value of each parameter on the node."""
     return {spec.name: plain_value(node.get_parameter(spec.name)) for spec in specs}
 
 
@@ -111,29 +110,19 @@ def checked_value(spec: Spec, value: Any) -> Any:
     return items if many else items[0]
 
 
-def number_value(spec: Spec, text: str) -> Any:
-    """Return the number, or the list of numbers, that a text for such a parameter says; any other text as it is.
-
-    `ros2 param load` sends 1.0e-09 of a file as the text 1e-09, which is no number of YAML 1.1.
-    """
-    if _kind(spec) is not float:
-        return text
-    try:
-        numbers = [float(word) for word in text.strip("[] ").split(",")]
-    except ValueError:
-        return text
-    if isinstance(spec.default, list):
-        return numbers
-    return numbers[0] if len(numbers) == 1 else text
-
-
 def _typed(spec: Spec, given: Parameter) -> Parameter:
-    """Return a parameter of the type that a text or nothing stands for."""
-    if given.type_ is Parameter.Type.STRING:
-        return Parameter(spec.name, value=number_value(spec, given.value))
+    """Return a parameter of the type that a text or nothing stands for: `ros2 param load` sends 1.0e-09 of a file as
+    the text 1e-09, which is no number of YAML 1.1."""
+    many = isinstance(spec.default, list)
     if given.value is None and spec.default == []:
         return Parameter(spec.name, Parameter.Type.STRING_ARRAY, [])
-    return given
+    if given.type_ is not Parameter.Type.STRING or _kind(spec) is not float:
+        return given
+    try:
+        numbers = [float(word) for word in given.value.strip("[] ").split(",")]
+    except ValueError:
+        return given
+    return Parameter(spec.name, value=numbers if many else numbers[0]) if many or len(numbers) == 1 else given
 
 
 def _kind(spec: Spec) -> type:
@@ -256,17 +245,15 @@ class ParameterNode(Node):
         specs = {spec.name: spec for spec in self._specs}
         parameter_list = [_typed(specs[one.name], one) if one.name in specs else one for one in parameter_list]
         for name in (parameter.name for parameter in parameter_list):
-            if reason := self._objection(name):
-                return SetParametersResult(successful=False, reason=reason)
+            if not self.has_parameter(name):
+                reason = f"parameter {name!r} is unknown{nearest(name, self._specs)}"
+            elif name in specs and specs[name].read_only:
+                cure = f"restart the node with -p {name}:=..., or with a file that sets it"
+                reason = f"{name} is fixed after the start; {cure}"
+            else:
+                continue
+            return SetParametersResult(successful=False, reason=reason)
         return super().set_parameters_atomically(parameter_list)
-
-    def _objection(self, name: str) -> str:
-        """Return why a parameter cannot change, empty = it can. The reasons of rclpy do not say what would be right."""
-        if not self.has_parameter(name):
-            return f"parameter {name!r} is unknown{nearest(name, self._specs)}"
-        if not any(spec.name == name and spec.read_only for spec in self._specs):
-            return ""
-        return f"{name} is fixed after the start; restart the node with -p {name}:=..., or with a file that sets it"
 
     def create_publisher(self, msg_type: Any, topic: str, qos_profile: Any, **options: Any) -> Any:
         """Create a publisher like rclpy, with the QoS that parameters give it."""
@@ -274,6 +261,5 @@ class ParameterNode(Node):
         return super().create_publisher(msg_type, topic, **chosen, **options)
 
     def create_subscription(self, msg_type: Any, topic: str, callback: Any, qos_profile: Any, **options: Any) -> Any:
-        """Create a subscription like rclpy, with the QoS that parameters give it."""
         chosen = with_overrides(self, "subscription", topic, qos_profile)
         return super().create_subscription(msg_type, topic, callback, **chosen, **options)

@@ -13,7 +13,7 @@ import yaml
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.validate_topic_name import validate_topic_name
 
-from smartmesh_ros.errors import InputError, require_body_name, suggestion
+from smartmesh_ros.errors import InputError, is_number, require_body_name, suggestion
 from smartmesh_ros.ground.quaternions import X, Y, Z, about, product
 from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Shape, Solid, shape_from
 from smartmesh_ros.ground.state import Quaternion, Vector
@@ -45,6 +45,14 @@ class OutputEntry:
     link: str = ""
     odom_frame: str = ""
     publish_tf: bool = False
+
+
+def require_topic(name: str, validate: Callable[[str], Any] = validate_topic_name) -> None:
+    """Raise `InputError` unless a name can be that of a topic."""
+    try:
+        validate(name)
+    except InvalidTopicNameException as error:
+        raise InputError("parameter", str(error)) from None
 
 
 class _Kind(NamedTuple):
@@ -196,10 +204,7 @@ def _deck_entry(found: dict[str, Any], _: int) -> DeckEntry:
     if "link" in names and sources != ["body"]:
         raise InputError("parameter", "a link is that of a body")
     if sources == ["odometry"]:
-        try:
-            validate_topic_name(names["odometry"])
-        except InvalidTopicNameException as error:
-            raise InputError("parameter", str(error)) from None
+        require_topic(names["odometry"])
     thickness = found.get("thickness", math.inf)
     if type(thickness) not in (int, float) or not thickness >= 0.0:
         raise InputError("parameter", "the thickness is a number of metres, zero or more")
@@ -211,11 +216,10 @@ def _deck_entry(found: dict[str, Any], _: int) -> DeckEntry:
 
 
 def _three(values: Any, what: str) -> Vector:
-    if not isinstance(values, list) or [type(value) in (int, float) for value in values] != [True] * 3:
-        raise InputError("parameter", f"{what} must be three numbers")
-    x, y, z = (float(value) for value in values)
-    if not math.isfinite(x + y + z):
+    good = isinstance(values, list) and [is_number(value) and math.isfinite(value) for value in values] == [True] * 3
+    if not good:
         raise InputError("parameter", f"{what} must be three finite numbers")
+    x, y, z = map(float, values)
     return x, y, z
 
 

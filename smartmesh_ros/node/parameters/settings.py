@@ -10,13 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from rclpy.exceptions import InvalidTopicNameException
 from rclpy.validate_full_topic_name import validate_full_topic_name
-from rclpy.validate_topic_name import validate_topic_name
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, naming
 from smartmesh_ros.io.rasters import RasterConfig
-from smartmesh_ros.node.parameters.entries import DeckEntry, OutputEntry, ShapeEntry
+from smartmesh_ros.node.parameters.entries import DeckEntry, OutputEntry, ShapeEntry, require_topic
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy
 from smartmesh_ros.soil.config import soils_from
 from smartmesh_ros.terrain.motion import MotionConfig
@@ -38,14 +36,12 @@ def body_sources(entries: Mapping[str, Sequence[str]]) -> dict[str, tuple[BodySo
     seen: set[str] = set()
     found: dict[str, tuple[BodySource, ...]] = {}
     for parameter, texts in entries.items():
-        sources = [_source(parameter, text) for text in texts]
-        for name, _ in sources:
+        found[parameter] = tuple(_source(parameter, text) for text in texts)
+        for name, _ in found[parameter]:
             if name in seen:
-                raise InputError(
-                    "parameter", f"{parameter} names body {name!r} again; use name=source to give it another name"
-                )
+                words = f"{parameter} names body {name!r} again; use name=source to give it another name"
+                raise InputError("parameter", words)
             seen.add(name)
-        found[parameter] = tuple(sources)
     return found
 
 
@@ -53,15 +49,11 @@ def _source(parameter: str, text: str) -> BodySource:
     name, equals, source = text.partition("=")
     if not equals:
         name, source = text.strip("~/").replace("/", "."), text
-    if not name or not source or "/" in name:
-        raise InputError(
-            "parameter", f"{parameter} has entry {text!r}; it must be name=source, with no '/' in the name"
-        )
-    if parameter != "bodies.frames":
-        try:
-            validate_topic_name(source)
-        except InvalidTopicNameException as error:
-            raise InputError("parameter", f"{parameter} has entry {text!r}: {error}") from None
+    with naming(f"{parameter} has entry {text!r}"):
+        if not name or not source or "/" in name:
+            raise InputError("parameter", "it must be name=source, with no '/' in the name")
+        if parameter != "bodies.frames":
+            require_topic(source)
     return name, source
 
 
@@ -79,12 +71,10 @@ def full_names(parameter: str, entries: Sequence[str]) -> tuple[str, ...]:
     """Return the entries of a parameter without duplicates. Raises `InputError` if an entry is no full node name."""
     names = tuple(dict.fromkeys(entries))
     for name in names:
-        if not name.startswith("/"):
-            raise InputError("parameter", f"{parameter} has entry {name!r}; a full name starts with '/'")
-        try:
-            validate_full_topic_name(name)
-        except InvalidTopicNameException as error:
-            raise InputError("parameter", f"{parameter} has entry {name!r}: {error}") from None
+        with naming(f"{parameter} has entry {name!r}"):
+            if not name.startswith("/"):
+                raise InputError("parameter", "a full name starts with '/'")
+            require_topic(name, validate_full_topic_name)
     return names
 
 

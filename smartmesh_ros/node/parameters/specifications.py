@@ -224,15 +224,15 @@ def check_change(node: Node, changes: list[Parameter], check: Callable[[Settings
 
 def announce(node: Node, settings: Settings) -> None:
     """Logs the node's settings in one line; warns of parameter files for other nodes."""
-    name = node.get_fully_qualified_name()
+    name, physics = node.get_fully_qualified_name(), settings.world.physics
     _note_absent(node, settings.urdf_folders)
-    files, strays = files_of(sys.argv), []
-    for file in files:
-        if (reason := mismatch(file, name)) is not None:
-            strays.append(file)
-            node.get_logger().warning(reason)
-    taken = [str(file) for file in files if file not in strays]
-    node.get_logger().info(f"{name}: {summary(settings)}; parameters: {', '.join(taken) or 'defaults'}")
+    strays = {file: mismatch(file, name) for file in files_of(sys.argv)}
+    for reason in filter(None, strays.values()):
+        node.get_logger().warning(reason)
+    taken = ", ".join(str(file) for file, reason in strays.items() if reason is None) or "defaults"
+    terrain = f"~/{settings.input}" + (f" and {settings.file}" if settings.file else "")
+    words = f"terrain from {terrain}; physics {physics.rate:g} Hz; parameters: {taken}"
+    node.get_logger().info(f"{name}: {words}")
 
 
 def _note_absent(node: Node, folders: Sequence[str]) -> None:
@@ -242,13 +242,6 @@ def _note_absent(node: Node, folders: Sequence[str]) -> None:
         if not path.is_dir():
             words = f"bodies.urdf_folders has {folder!r}, but there is no folder {path.absolute()}"
             node.get_logger().warning(f"{words}; give the path of a folder on the machine of this node")
-
-
-def summary(settings: Settings) -> str:
-    """Return the most important settings in one line."""
-    physics = settings.world.physics
-    terrain = f"~/{settings.input}" + (f" and {settings.file}" if settings.file else "")
-    return f"terrain from {terrain}; physics {physics.rate:g} Hz"
 
 
 def announce_changes(node: Node, before: Mapping[str, Any], after: Mapping[str, Any]) -> None:

@@ -31,10 +31,6 @@ class RangeSensor(ABC):
     noise_quadratic: float = 0.0001
     rate: float = 10.0
 
-    def deviation(self, ranges: FloatArray) -> FloatArray:
-        """Return the standard deviations [m] of ``ranges`` [m], same shape."""
-        return np.asarray(self.noise_constant + self.noise_quadratic * ranges**2)
-
     @abstractmethod
     def directions_s(self, look: int) -> FloatArray:
         """Return unit directions (N, 3) of the rays of the look of that number: x forwards, z up."""

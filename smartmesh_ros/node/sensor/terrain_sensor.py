@@ -132,7 +132,6 @@ class TerrainSensor(ParameterNode):
         asked.add_done_callback(lambda future: self._on_answer(future, directions))
 
     def _on_answer(self, future: Any, directions: FloatArray) -> None:
-        """Publish what the rays of a look met."""
         if future is self._asked:
             self._asked = None
         response = future.result()
@@ -144,7 +143,7 @@ class TerrainSensor(ParameterNode):
         known = np.isfinite(true) & (true >= self.sensor.nearest)
         self._note_returns(any_return=bool(known.any()))
         ranges = np.full(len(true), np.nan)
-        deviations = self.sensor.deviation(true[known])
+        deviations = self.sensor.noise_constant + self.sensor.noise_quadratic * true[known] ** 2
         ranges[known] = true[known] + deviations * self._rng.normal(size=len(deviations))
         header = response.header
         points = np.array(self.sensor.position_b) + directions[known] * ranges[known, None]
@@ -230,6 +229,5 @@ def _bytes(values: FloatArray) -> array.array[int]:
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """Run the sensor until SIGINT or SIGTERM."""
     answer(NAME, __doc__, SPECS, None if args is None else list(args))
     spin(TerrainSensor, args)

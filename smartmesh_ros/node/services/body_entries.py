@@ -46,11 +46,6 @@ class Entry:
     yaw: float = 0.0
 
     @property
-    def topic(self) -> str:
-        """The name, of which there is one entry."""
-        return self.name
-
-    @property
     def on_ground(self) -> bool:
         """True if the ground determines the height of the lowest point."""
         return self.xyz is None and self.above is None

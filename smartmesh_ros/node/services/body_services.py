@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable
-from functools import partial
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from smartmesh_msgs.msg import BodyFailure
@@ -14,7 +14,7 @@ from smartmesh_ros.errors import InputError, listed
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.refusals import shortened
-from smartmesh_ros.node.services.initial_bodies import adding
+from smartmesh_ros.node.services.initial_bodies import add_to
 from smartmesh_ros.node.session import REFUSED, Session, require_name
 from smartmesh_ros.world.robots.prepared import PreparedRobot
 
@@ -22,6 +22,20 @@ from smartmesh_ros.world.robots.prepared import PreparedRobot
 QUOTED = 3
 # What a refused call has done, unless PyBullet failed.
 NOTHING = "so nothing was changed"
+
+
+@contextmanager
+def noting(refused: dict[str, str], name: str) -> Iterator[None]:
+    """Note in ``refused`` why the block was refused for the body of this name, and go on after it."""
+    try:
+        yield
+    except REFUSED as error:
+        refused[name] = str(error)
+
+
+def failures_of(refused: dict[str, str]) -> list[BodyFailure]:
+    """Return the messages of why bodies were refused, by name."""
+    return [BodyFailure(id=shortened(name), reason=shortened(reason)) for name, reason in refused.items()]
 
 
 class BodyServices:
@@ -48,11 +62,10 @@ class BodyServices:
         else:
             what = conversions.shape_of_primitive(body.shape)
         standing = {"on_ground": body.on_ground, "clearance": body.clearance, "align": body.align}
-        add = adding(session.world, body.id, what, body.mass, state, **standing)
 
         def action() -> str:
             session.require_room([body.id])
-            add()
+            add_to(session.world, body.id, what, body.mass, state, **standing)
             return session.start_of(body.id, state, on_ground=body.on_ground)
 
         return action
@@ -63,59 +76,44 @@ class BodyServices:
             response.message = action()
 
     async def _on_spawn_all(self, request: SpawnBodies.Request, response: SpawnBodies.Response) -> None:
-        world, added, told, counts = self._session.world, [], [], Counter(body.id for body in request.bodies)
-        tasks: dict[str, Callable[[], Any]] = {}
-
-        def add(name: str, action: Callable[[], str]) -> None:
-            told.append(action())
-            added.append(name)
-
+        session, counts = self._session, Counter(body.id for body in request.bodies)
+        actions: dict[str, Callable[[], str]] = {}
+        told: dict[str, str] = {}
+        refused: dict[str, str] = {}
+        left: dict[str, str] = {}
         for body in request.bodies:
-            try:
+            with noting(refused, body.id):
                 conversions.require_once(body.id, counts)
-                tasks[body.id] = partial(add, body.id, await self._ready(body))
-            except REFUSED as error:
-                tasks[body.id] = partial(_refuse, error)
-        with self._session.lock:
-            failures = _failures_of(tasks.items())
-            left = _failures_of((name, partial(world.remove, name)) for name in added) if failures else []
-        stay = f"but some were added and stay, because PyBullet failed: {', '.join(body.id for body in left)}"
-        response.failures = failures
-        _require_all(failures, len(request.bodies), stay if left else NOTHING)
-        response.message = shortened("; ".join(filter(None, told)))
+                actions[body.id] = await self._ready(body)
+        with session.lock:
+            for name, action in actions.items():
+                with noting(refused, name):
+                    told[name] = action()
+            for name in told if refused else ():
+                with noting(left, name):
+                    session.world.remove(name)
+        stay = f"but some were added and stay, because PyBullet failed: {', '.join(left)}"
+        _require_all(response, refused, len(request.bodies), stay if left else NOTHING)
+        response.message = shortened("; ".join(filter(None, told.values())))
 
     def _on_remove_all(self, request: RemoveBodies.Request, response: RemoveBodies.Response) -> None:
         session, counts = self._session, Counter(request.ids)
-
-        def check(name: str) -> None:
-            session.world.body(name)
-            conversions.require_once(name, counts)
-
-        failures, outcome = _failures_of((name, partial(check, name)) for name in counts), NOTHING
-        if not failures:
-            failures = _failures_of((name, partial(session.remove, name)) for name in counts)
-            outcome = "but the others are removed"
-        response.failures = failures
-        _require_all(failures, len(request.ids), outcome)
-
-
-def _require_all(failures: list[BodyFailure], count: int, outcome: str) -> None:
-    """Raise `InputError` if some of ``count`` bodies are refused, and say what the ``outcome`` is."""
-    if failures:
-        reasons = listed([failure.reason for failure in failures], QUOTED, between="; ")
-        raise InputError("batch", f"{len(failures)} of {count} bodies are refused, {outcome}: {reasons}")
+        refused: dict[str, str] = {}
+        for name in counts:
+            with noting(refused, name):
+                session.world.body(name)
+                conversions.require_once(name, counts)
+        outcome = NOTHING if refused else "but the others are removed"
+        for name in () if refused else counts:
+            with noting(refused, name):
+                session.remove(name)
+        _require_all(response, refused, len(request.ids), outcome)
 
 
-def _refuse(error: Exception) -> None:
-    raise error
-
-
-def _failures_of(tasks: Iterable[tuple[str, Callable[[], Any]]]) -> list[BodyFailure]:
-    """Do tasks (body name, action) in order; return those whose action raised `InputError`."""
-    failures = []
-    for name, action in tasks:
-        try:
-            action()
-        except REFUSED as error:
-            failures.append(BodyFailure(id=shortened(name), reason=shortened(str(error))))
-    return failures
+def _require_all(response: Any, refused: dict[str, str], count: int, outcome: str) -> None:
+    """Write which of ``count`` bodies are ``refused`` into a response, and raise `InputError`, which says what the
+    ``outcome`` is, if some are."""
+    response.failures = failures_of(refused)
+    if refused:
+        reasons = listed([failure.reason for failure in response.failures], QUOTED, between="; ")
+        raise InputError("batch", f"{len(refused)} of {count} bodies are refused, {outcome}: {reasons}")

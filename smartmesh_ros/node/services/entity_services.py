@@ -69,14 +69,12 @@ class EntityServices:
     async def _spawn_all(self, request: Any, response: Any) -> None:
         failed = 0
         for wanted in request.spawn_requests:
-            result = self._messages.SpawnResult()
+            result, outcome = self._messages.SpawnResult(), None
             try:
                 result.entity_name = await self._spawn_entity(wanted)
-                result.result.result = self._messages.Result.RESULT_OK
             except REFUSED as error:
-                failed += 1
-                result.result.result = self._standard.code(error, _SPAWN_REASONS, result)
-                result.result.error_message = str(error)
+                failed, outcome = failed + 1, error
+            self._standard.conclude(_SPAWN_REASONS, result, outcome)
             response.results.append(result)
         if failed:
             raise InputError("entities", f"{failed} of {len(response.results)} entities are not spawned; see results")

@@ -97,6 +97,5 @@ class FileWork:
         return await self.done(lambda: prepare_robot(checked_urdf(with_package_paths(urdf), rules)))
 
     def close(self) -> None:
-        """Give up all work."""
         self._threads.shutdown(wait=False, cancel_futures=True)
         WORKSHOP.close()

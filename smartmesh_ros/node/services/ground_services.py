@@ -71,12 +71,8 @@ class AskedFrame:
         x, y, z = rotate(self.transform.rotation, Z)
         tilt = math.hypot(x, y)
         if tilt > LEVEL or z < 0.0:
-            degrees = math.degrees(math.atan2(tilt, z))
-            raise InputError(
-                "frame",
-                f"frame {frame_id!r} is tilted by {degrees:.3g} degrees, and heights need a level one; ask in another "
-                "frame, or cast rays with ~/cast_rays",
-            )
+            words = f"frame {frame_id!r} is tilted by {math.degrees(math.atan2(tilt, z)):.3g} degrees, and heights need"
+            raise InputError("frame", f"{words} a level one; ask in another frame, or cast rays with ~/cast_rays")
 
 
 def asked_frame(session: Session, transforms: TransformInput, header: Any) -> AskedFrame:
@@ -90,11 +86,8 @@ def asked_frame(session: Session, transforms: TransformInput, header: Any) -> As
     else:
         instant, age = header.stamp, session.clock_now() - stamp
         if abs(age) > FARTHEST:
-            raise InputError(
-                "stamp",
-                f"stamp {stamp:.3f} s is {age:.3f} s before this node's time; ask for an instant within {FARTHEST:g} s "
-                "of now, or with stamp zero for now",
-            )
+            words = f"stamp {stamp:.3f} s is {age:.3f} s before this node's time; ask for an instant within"
+            raise InputError("stamp", f"{words} {FARTHEST:g} s of now, or with stamp zero for now")
         time = session.time_at(age)
     answer = Header(stamp=instant, frame_id=header.frame_id or session.frame_id)
     return AskedFrame(_transform(session, transforms, header.frame_id, stamp), time, answer)
@@ -134,9 +127,8 @@ class GroundServices:
         _require_count(len(request.x), "points")
         x, y, below = (np.frombuffer(values, np.float64) for values in (request.x, request.y, request.below))
         if len(x) != len(y) or len(below) not in (0, len(x)):
-            raise InputError(
-                "length", f"{len(x)} x, {len(y)} y and {len(below)} below; there must be as many of each, or no below"
-            )
+            words = f"{len(x)} x, {len(y)} y and {len(below)} below"
+            raise InputError("length", f"{words}; there must be as many of each, or no below")
         points = np.column_stack([x, y, below if len(below) else np.full(len(x), np.inf)])
         asked = asked_frame(self._session, self._transforms, request.header)
         asked.require_level(request.header.frame_id)
@@ -156,11 +148,8 @@ class GroundServices:
         _require_count(len(request.origins) // 3, "rays")
         origins, directions = (np.frombuffer(values, np.float64) for values in (request.origins, request.directions))
         if len(origins) % 3 or len(origins) != len(directions):
-            raise InputError(
-                "length",
-                f"{len(origins)} numbers of origins and {len(directions)} of directions; there must be three of each "
-                "for every ray",
-            )
+            words = f"{len(origins)} numbers of origins and {len(directions)} of directions"
+            raise InputError("length", f"{words}; there must be three of each for every ray")
         world = self._session.world
         asked = asked_frame(self._session, self._transforms, request.header)
         starts, ways = asked.points_w(origins.reshape(-1, 3)), asked.vectors_w(directions.reshape(-1, 3))

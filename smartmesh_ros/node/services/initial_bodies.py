@@ -6,9 +6,8 @@ They are spawned at the start or once the terrain covers their place, and again 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 from std_msgs.msg import String
@@ -38,29 +37,30 @@ def state_of(world: World, entry: Entry) -> BodyState | None:
     return BodyState(position, about(Z, entry.yaw))
 
 
-def adding(
+def add_to(
     world: World, name: str, what: Shape | PreparedRobot, mass: float, state: BodyState, **standing: Any
-) -> Callable[[], None]:
-    """Return the action that adds a body, or a robot; ``standing``: options of `World.spawn`. The action raises
-    `InputError` if the world refuses the body."""
+) -> None:
+    """Add a body, or a robot; ``standing``: options of `World.spawn`. Raises `InputError` if the world refuses it."""
     if isinstance(what, PreparedRobot):
-        return partial(world.spawn_robot, name, what, state, **standing)
-    return partial(world.spawn, name, what, mass, state, **standing)
+        world.spawn_robot(name, what, state, **standing)
+    else:
+        world.spawn(name, what, mass, state, **standing)
 
 
 class InitialBodies:
     """Entries of ``bodies.spawn``, and entries added later. ``names``: bodies with which the scene begins, in the world
     or not; those of a restored state may have no entry here. ``starts``: where they were spawned, robots by the frame
-    of the base link. ``refused``: why a body could not be spawned, by name."""
+    of the base link. ``refused``: why a body could not be spawned, by name. ``standing``: those that are being put onto
+    the ground."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        self._entries: dict[str, Entry] = {}
+        self.entries: dict[str, Entry] = {}
         self.names: set[str] = set()
         self.starts: dict[str, BodyState] = {}
         self.refused: dict[str, str] = {}
         self._waiting: list[str] = []
-        self._standing: set[str] = set()  # bodies that are being put onto the ground
+        self.standing: set[str] = set()
         for entry in entries_from(session.settings.spawn).values():
             with naming("bodies.spawn"):
                 self.add(entry)
@@ -80,15 +80,15 @@ class InitialBodies:
 
     def start_over(self, entries: Mapping[str, Entry]) -> None:
         """Have other entries, none of whose bodies is in the world; they are spawned by `on_terrain`."""
-        self._entries, self.names, self._waiting = dict(entries), {*entries}, [*entries]
-        self._standing.clear()
+        self.entries, self.names, self._waiting = dict(entries), {*entries}, [*entries]
+        self.standing.clear()
         self.starts.clear()
         self.refused.clear()
 
     @property
     def waiting(self) -> list[str]:
         """Names of the bodies that wait for terrain, or are being put onto it."""
-        return [*self._waiting, *sorted(self._standing)]
+        return [*self._waiting, *sorted(self.standing)]
 
     def take_restored(
         self, waiting: Collection[str], names: Collection[str] | None, starts: Mapping[str, BodyState]
@@ -97,15 +97,10 @@ class InitialBodies:
         of these ``names`` and ``starts``; None: not known. Others that are not in it were removed there."""
         if names is not None:
             self.names, self.starts = {*names}, dict(starts)
-        self._entries = {name: replace(entry) for name, entry in self._entries.items()}  # `_stand` gives up the others
-        self._standing.clear()
-        self._waiting = [name for name in self._entries if name in waiting and name not in self._session.world.bodies]
+        self.entries = {name: replace(entry) for name, entry in self.entries.items()}  # `_stand` gives up the others
+        self.standing.clear()
+        self._waiting = [name for name in self.entries if name in waiting and name not in self._session.world.bodies]
         self.on_terrain()
-
-    @property
-    def placing(self) -> bool:
-        """True while bodies are being put onto the ground."""
-        return bool(self._standing)
 
     def _spawn(self, entry: Entry) -> bool:
         """Spawn the body of an entry. Return False if the terrain does not cover its place yet."""
@@ -113,21 +108,21 @@ class InitialBodies:
         if what is None or (state := state_of(world, entry)) is None:
             return False
         standing = {"on_ground": entry.on_ground, "clearance": entry.clearance, "align": entry.align}
-        adding(world, entry.name, what, entry.mass, state, **standing)()
+        add_to(world, entry.name, what, entry.mass, state, **standing)
         self.starts[entry.name] = world.base_state(entry.name)
         return True
 
     def replace(self, entry: Entry) -> None:
         """Replace the entry of the same name without spawning: its body is in the world already, or waits."""
-        self._entries[entry.name] = entry
+        self.entries[entry.name] = entry
         self.names.add(entry.name)
 
     def on_terrain(self) -> None:
         """Spawn the bodies that waited for terrain."""
         waiting, self._waiting = self._waiting, []
         for name in waiting:
-            self._standing.add(name)
-            self._session.turns.begin(self._stand(self._entries[name]))
+            self.standing.add(name)
+            self._session.turns.begin(self._stand(self.entries[name]))
 
     async def _stand(self, entry: Entry) -> None:
         """Spawn the body of an entry; one on the ground, which takes longer, in the next turn, unless there is another
@@ -136,13 +131,13 @@ class InitialBodies:
             await NextTurn()
         try:
             with self._session.lock:
-                if self._entries.get(entry.name) is entry and not self._spawn(entry):
+                if self.entries.get(entry.name) is entry and not self._spawn(entry):
                     self._waiting.append(entry.name)
         except REFUSED as error:
-            if self._entries.get(entry.name) is entry:
+            if self.entries.get(entry.name) is entry:
                 self._note(entry.name, error)
         finally:
-            self._standing.discard(entry.name)
+            self.standing.discard(entry.name)
 
     def _note(self, name: str, error: Exception) -> None:
         """Count and log a refusal. What PyBullet failed at, or is partly over no ground, is tried again with the next
@@ -152,17 +147,13 @@ class InitialBodies:
         if not isinstance(error, InputError) or error.reason == "no_ground":
             self._waiting.append(name)
 
-    def knows(self, name: str) -> bool:
-        """Return True if there is an entry of this name, by which its body can be spawned again."""
-        return name in self._entries
-
     def has(self, name: str) -> bool:
         """Return True if a body is there, or will be."""
-        return any(name in known for known in (self._session.world.bodies, self._waiting, self._standing))
+        return any(name in known for known in (self._session.world.bodies, self._waiting, self.standing))
 
     def restore(self, names: Collection[str] | None = None) -> None:
         """Spawn again the initial bodies that were removed, None = all, or those of some ``names``."""
-        scene = [name for name in self._entries if name in self.names]
+        scene = [name for name in self.entries if name in self.names]
         chosen = [name for name in scene if names is None or name in names]
         self._waiting += [name for name in chosen if not self.has(name)]
         self.on_terrain()
@@ -173,12 +164,12 @@ class RobotDescription:
 
     Spawns the robot as soon as the terrain covers its start position, and again if the same description comes after it
     was removed. A different description replaces the robot at its current pose; a description that does not load
-    changes nothing.
+    changes nothing. ``urdf``: the one that was taken, empty = none.
     """
 
     def __init__(self, session: Session, bodies: InitialBodies) -> None:
         self._session, self._bodies = session, bodies
-        self._urdf = ""
+        self.urdf = ""
         self._received = self._applied = 0  # numbers of descriptions
         self._entry = start_from(session.settings.robot.start)
         if session.settings.robot.description:
@@ -186,15 +177,10 @@ class RobotDescription:
                 self._take(prepare_robot(with_package_paths(session.settings.robot.description)))
         session.listen(String, "robot_description", self._on_description, LATCHED)
 
-    @property
-    def described(self) -> bool:
-        """True if a description was taken."""
-        return bool(self._urdf)
-
     def take_restored(self, *, described: bool) -> None:
         """Go on after the world was replaced: its robot is that of a description if one was ``described`` there."""
         known = self._session.world.bodies.get(self._entry.name)
-        self._urdf = known.urdf or "" if described and known is not None else ""
+        self.urdf = known.urdf or "" if described and known is not None else ""
 
     def _on_description(self, message: Any) -> None:
         robot_name(message.data)  # refuses all but URDF text, such as the path of a file
@@ -216,14 +202,14 @@ class RobotDescription:
     def _take(self, robot: PreparedRobot) -> None:
         world = self._session.world
         entry = replace(self._entry, urdf=robot.given, robot=robot)
-        if robot.given == self._urdf and self._bodies.has(entry.name):
-            if not self._bodies.knows(entry.name):  # the robot of a restored state
+        if robot.given == self.urdf and self._bodies.has(entry.name):
+            if entry.name not in self._bodies.entries:  # the robot of a restored state
                 self._bodies.replace(entry)
             return
         known = world.bodies.get(entry.name)
-        if self._urdf and known is not None and known.is_robot:
+        if self.urdf and known is not None and known.is_robot:
             world.replace_robot(entry.name, robot)
             self._bodies.replace(entry)
         else:
             self._bodies.add(entry)
-        self._urdf = robot.given
+        self.urdf = robot.given

@@ -7,20 +7,22 @@ served, or refused with the standard's code.
 from __future__ import annotations
 
 import signal
-from collections.abc import Awaitable
+from collections.abc import Awaitable, Callable
+from functools import partial
 from typing import Any
 
+from rclpy.action import ActionServer, CancelResponse
 from rclpy.node import Node
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.optional_messages import find_interfaces
 from smartmesh_ros.node.services.entity_services import EntityServices
 from smartmesh_ros.node.services.standard import Standard
-from smartmesh_ros.node.services.step_action import StepAction
+from smartmesh_ros.node.services.turns import NextTurn, Work
 from smartmesh_ros.node.services.world_services import WorldServices
-from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.session import REFUSED, Session
 
-PACKAGE = "simulation_interfaces"
+PACKAGE, STEPS = "simulation_interfaces", "simulate_steps"
 # Features by the services, and the action, that have them.
 FEATURES = {
     "SpawnEntity": ("SPAWNING", "SPAWNING_RESOURCE_STRING"),
@@ -55,7 +57,7 @@ _TRANSITION_REASONS = {
 
 def serve_simulation_interfaces(session: Session, node: Any) -> None:
     """Create the services; log an error if the package is not installed. ``node``: the `TerrainCollider`, whose methods
-    ``pause``, ``step``, ``reset`` and ``set_scene`` they call."""
+    ``step``, ``reset`` and ``set_scene`` they call."""
     services = find_interfaces(PACKAGE, "srv")
     messages = find_interfaces(PACKAGE, "msg")
     if services is None or messages is None:
@@ -122,7 +124,7 @@ class SimulationServices:
         elif now not in (states.STATE_PLAYING, states.STATE_PAUSED, states.STATE_STOPPED):
             raise InputError("no_world", "there is no world now; load one, or publish a map")
         else:
-            self._node.pause(wanted != states.STATE_PLAYING)
+            self._session.pacer.pause(wanted != states.STATE_PLAYING)
             self._standard.stopped = wanted == states.STATE_STOPPED
             if self._standard.stopped:
                 self._start_over()
@@ -148,3 +150,44 @@ class SimulationServices:
     def _start_over(self) -> None:
         self._node.reset(spawned=True)
         self._standard.infos.clear()
+
+
+class StepAction:
+    """Serves the action ``~/simulate_steps`` of this ``kind`` by calls of ``step``: steps of a paused simulation in
+    turns, with feedback after each, which can be cancelled. ``results``: the message class Result."""
+
+    def __init__(self, session: Session, step: Callable[[int], Awaitable[None]], kind: Any, results: Any) -> None:
+        self._session, self._step, self._kind, self._results = session, step, kind, results
+        node: Any = session.node
+        ActionServer(
+            node, kind, f"~/{STEPS}", lambda _: None, handle_accepted_callback=self._accept,
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
+        )  # fmt: skip
+
+    def _accept(self, goal: Any) -> None:
+        self._session.handled += 1
+        self._session.turns.add(Work(self._run(goal)), lambda end: goal.execute(partial(self._conclude, *end)))
+
+    async def _run(self, goal: Any) -> tuple[str, str]:
+        """Do the steps of a goal; return how it ended, and why not well."""
+        session, count, done = self._session, goal.request.steps, 0
+        try:
+            if not count:
+                raise InputError("steps", "0 steps; ask for 1 or more")
+            while done < count and not goal.is_cancel_requested:
+                await self._step(1)
+                done += 1
+                goal.publish_feedback(self._kind.Feedback(completed_steps=done, remaining_steps=count - done))
+                await NextTurn()
+            return ("succeed", "") if done == count else ("canceled", f"cancelled after {done} of {count} steps")
+        except REFUSED as error:
+            session.refusals.add(STEPS, error)
+            return "abort", f"{error} ({done} of {count} steps are done)"
+
+    def _conclude(self, end: str, words: str, goal: Any) -> Any:
+        """Tell the client how its goal ended."""
+        getattr(goal, end)()
+        result = self._kind.Result()
+        failed, ok = self._results.RESULT_OPERATION_FAILED, self._results.RESULT_OK
+        result.result.result, result.result.error_message = failed if words else ok, words
+        return result

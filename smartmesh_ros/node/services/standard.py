@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -50,22 +51,17 @@ class Standard:
         if (kind := getattr(self.services, name, None)) is None:
             return
         self.served.add(name)
+        service = re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
+        self.session.serve(kind, service, act, partial(self.conclude, reasons))
 
-        def conclude(response: Any, error: Exception | None) -> None:
-            if error is not None:
-                response.result.result = self.code(error, reasons, kind.Response)
-                response.result.error_message = shortened(str(error))
-            elif hasattr(response, "result"):
-                response.result.result = self.messages.Result.RESULT_OK
-
-        self.session.serve(kind, re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower(), act, conclude)
-
-    def code(self, error: Exception, reasons: Mapping[str, str], codes: Any) -> int:
-        """Return the result code of an error: one of ``codes`` by its reason, or else a general one."""
-        reason = reason_of(error)
-        if (own := reasons.get(reason)) is not None:
-            return int(getattr(codes, own))
-        return int(getattr(self.messages.Result, _REASONS.get(reason, "RESULT_OPERATION_FAILED")))
+    def conclude(self, reasons: Mapping[str, str], response: Any, error: Exception | None) -> None:
+        """Write the outcome into a response: the code of the error's reason among its own, or else a general one."""
+        if error is not None:
+            code, general = reasons.get(reason_of(error)), _REASONS.get(reason_of(error), "RESULT_OPERATION_FAILED")
+            response.result.result = getattr(response, code) if code else getattr(self.messages.Result, general)
+            response.result.error_message = shortened(str(error))
+        elif hasattr(response, "result"):
+            response.result.result = self.messages.Result.RESULT_OK
 
 
 def tagged(tags: list[str], wanted: Any) -> bool:

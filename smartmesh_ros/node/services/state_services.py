@@ -40,7 +40,7 @@ class StateServices:
         if file is not None and exists(file) and not state_file.is_state(state_file.read(file)):
             raise InputError("state", f"{file} is there, and is no saved state; choose another name")
         initial, robot = self._node.initial, self._node.robot
-        extra = {"frame_id": self._session.frame_id, "waiting": initial.waiting, "described": robot.described}
+        extra = {"frame_id": self._session.frame_id, "waiting": initial.waiting, "described": bool(robot.urdf)}
         extra["names"] = sorted(initial.names)
         extra["starts"] = {name: [*at.position, *at.orientation] for name, at in initial.starts.items()}
         extra["bases"] = {name: [*base.memory] for name, base in self._session.bases.items()}
@@ -76,12 +76,7 @@ class StateServices:
 
 
 def _checked(
-    frame_id: str = "",
-    waiting: Any = (),
-    described: Any = False,
-    bases: Any = (),
-    names: Any = None,
-    starts: Any = (),
+    frame_id: str = "", waiting: Any = (), described: Any = False, bases: Any = (), names: Any = None, starts: Any = ()
 ) -> dict[str, Any]:
     """Return what was saved with a state, of the types that it must have. Raises errors of Python."""
     memories = {str(name): BaseMemory(*map(float, memory)) for name, memory in dict(bases).items()}

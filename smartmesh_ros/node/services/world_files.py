@@ -118,10 +118,8 @@ def _world_of_text(text: str, settings: Settings, *, name: str, folder: Path = P
     fields: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in raster.items()}
     terrain, spawn = known.get("terrain.file", ""), known.get("bodies.spawn", [])
     if not terrain and not spawn:
-        raise InputError(
-            "world", f"world {name!r} has neither ground nor bodies; it must be a parameter file (/**: "
-            f"{PARAMETERS}: ...) with terrain.file or bodies.spawn"
-        )  # fmt: skip
+        words = f"it must be a parameter file (/**: {PARAMETERS}: ...) with terrain.file or bodies.spawn"
+        raise InputError("world", f"world {name!r} has neither ground nor bodies; {words}")
     return WorldFile(
         name=name, text=text, folder=folder, terrain=terrain, raster=replace(settings.raster, **fields),
         bodies=entries_from(spawn), ignored=tuple(sorted(given.keys() - ELEMENTS.keys())),

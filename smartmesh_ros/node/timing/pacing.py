@@ -28,7 +28,7 @@ OVERLOAD = 1.02
 
 
 class NodeClock:
-    """The time of a node.
+    """The `Clock` of a node.
 
     Without ``use_sim_time`` the loop runs on the steady clock and stamps come from the system clock. With it both come
     from ``/clock``, and stand still while nobody publishes there.
@@ -38,26 +38,20 @@ class NodeClock:
         self._clock = node.get_clock()
         self._jump_handle: Any = None
 
-    @property
-    def simulated(self) -> bool:
-        """True if time comes from ``/clock``."""
-        return bool(self._clock.ros_time_is_active)
-
-    # Return the time for measurements and periods of outputs, which nobody sets [s].
     steady = staticmethod(monotonic)
 
+    @property
+    def simulated(self) -> bool:
+        return bool(self._clock.ros_time_is_active)
+
     def pace(self) -> float:
-        """Return the time for deadlines, intervals and time-outs [s]."""
         return self.stamp_now() if self.simulated else self.steady()
 
     def stamp_now(self) -> float:
-        """Return the time that stamps are compared with [s]."""
         return float(self._clock.now().nanoseconds) * 1e-9
 
     def on_set_back(self, act: Callable[[], None]) -> None:
-        """Calls ``act`` whenever ``/clock`` jumps back, starts or stops."""
         threshold = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
-
         self._jump_handle = self._clock.create_jump_callback(threshold, post_callback=lambda _: act())
 
 
@@ -81,7 +75,6 @@ class Timeline:
         self._count = 0
 
     def clear(self) -> None:
-        """Forgets all steps."""
         self._count = 0
 
     def note(self, start: float, longest: float) -> None:
@@ -148,7 +141,6 @@ class Pacer:
 
     @property
     def overloaded(self) -> bool:
-        """True if the loop cannot keep its period."""
         return self._timeline.overloaded(self.period)
 
     @property
@@ -216,18 +208,10 @@ class Pacer:
         if self.follows_clock and late <= self.most_catch_up:
             missed = 0
         self._timeline.note(self._now(), self.most_catch_up + self.period)
-        skipped = 0
-        if missed and self.policy == "catch_up":
-            # Later steps count as missed when they start, unless they are dropped now.
-            dropped = late > self.most_catch_up
-            self.misses += missed if dropped else 1
-            self.deadline += late if dropped else 0.0
-        elif missed and self.policy == "slow_down":
-            self.misses += missed
-            self.deadline += late
+        if missed and self.policy == "catch_up" and late <= self.most_catch_up:
+            self.misses += 1  # later steps count as missed when they start
         elif missed:
             self.misses += missed
-            self.deadline += missed * self.period
-            skipped = missed
+            self.deadline += missed * self.period if self.policy == "skip" else late
         self.deadline += self.period
-        return skipped
+        return missed if self.policy == "skip" else 0

@@ -111,21 +111,21 @@ class StampClock:
         now = time_at(0.0)
         if stamp is None:
             return Placed(None, now)
-        last, own = self._last, self._is_own(clock_now - stamp)
-        fresh = last is None or last.own != own
-        if last is not None and not fresh:
+        own = self._is_own(clock_now - stamp)
+        last = self._last if self._last is not None and self._last.own == own else None  # on the same clock
+        if last is not None:
             stamp = self._in_order(stamp, clock_now, last.source_time, most)
         age = clock_now - stamp
-        measured, used = self._delays(age, own)
+        measured, used = _delays(last, age, own)
         added = min(max(used - horizon, 0.0), max(age, 0.0)) if own else used
+        if last is None:
+            time = time_at(age - added)
+            return Placed(stamp, time, own, True, 0.0, measured, used, now - time)
         # Equal stamps are at equal times, whatever rounding.
-        again = last is not None and not fresh and stamp == last.source_time
-        time = last.time if again and last is not None else time_at(age - added)
-        lost = 0.0 if fresh else self._lost(stamp, time, pace)
-        return Placed(stamp, time, own, fresh, lost, measured, used, now - time)
+        time = last.time if stamp == last.source_time else time_at(age - added)
+        return Placed(stamp, time, own, False, _lost(last, stamp, time, pace), measured, used, now - time)
 
     def accept(self, placed: Placed) -> None:
-        """Record that the message with this stamp was accepted."""
         if placed.stamp is None:
             return
         if placed.fresh:
@@ -141,31 +141,29 @@ class StampClock:
         # A stamp between the last one of this node's clock and now is late, not of another clock.
         return age >= newest and (self._last.own or age <= 0.5 * OLDEST)
 
-    def _delays(self, age: float, own: bool) -> tuple[float, float]:
-        """Return the steady age of the stamps after one of this ``age``, as measured and as in use [s]."""
-        last = self._last
-        if last is None or last.own != own or (not own and abs(age - last.measured) >= OLDEST):
-            return age, age
-        measured = last.measured + DELAY_GAIN * min(max(age - last.measured, -OLDEST), OLDEST)
-        return measured, min(max(last.used, measured - DELAY_SLACK), measured + DELAY_SLACK)
-
     def _in_order(self, stamp: float, clock_now: float, last: float, most: float) -> float:
         """Return a stamp [s], or the ``last`` one if that overtook it; raise `InputError` if it is older still."""
         if self.is_overtaken(stamp, clock_now, most):
             return last
         if stamp < last:
-            raise InputError(
-                "stamp_backwards",
-                f"stamp {stamp:.9f} s is older than the last one, {last:.9f} s; if the source's clock was set "
-                "back, call ~/reset_terrain_clock for maps, or ~/reset for maps and bodies",
-            )
+            words = f"stamp {stamp:.9f} s is older than the last one, {last:.9f} s; if the source's clock was set back"
+            cure = "call ~/reset_terrain_clock for maps, or ~/reset for maps and bodies"
+            raise InputError("stamp_backwards", f"{words}, {cure}")
         return stamp
 
-    def _lost(self, stamp: float, time: float, pace: float) -> float:
-        """Return the simulated time [s] that stalls took out between the last stamp and one at ``time`` [s]."""
-        assert self._last is not None
-        interval, simulated = stamp - self._last.source_time, time - self._last.time
-        if self._last.own:
-            lost = pace * interval - simulated
-            return lost if abs(lost) > ROUNDING else 0.0
-        return interval - simulated if interval > STALL_RATIO * simulated else 0.0
+
+def _delays(last: Placed | None, age: float, own: bool) -> tuple[float, float]:
+    """Return the steady age of the stamps after one of this ``age``, as measured and as in use [s]."""
+    if last is None or (not own and abs(age - last.measured) >= OLDEST):
+        return age, age
+    measured = last.measured + DELAY_GAIN * min(max(age - last.measured, -OLDEST), OLDEST)
+    return measured, min(max(last.used, measured - DELAY_SLACK), measured + DELAY_SLACK)
+
+
+def _lost(last: Placed, stamp: float, time: float, pace: float) -> float:
+    """Return the simulated time [s] that stalls took out between the last stamp and one at ``time`` [s]."""
+    interval, simulated = stamp - last.source_time, time - last.time
+    if last.own:
+        lost = pace * interval - simulated
+        return lost if abs(lost) > ROUNDING else 0.0
+    return interval - simulated if interval > STALL_RATIO * simulated else 0.0

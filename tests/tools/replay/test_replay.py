@@ -68,7 +68,7 @@ def test_the_node_does_the_same(domain: int, replay: Make, name: str) -> None:
         message.header.stamp = stamp_of(0.0)
     run = replay([(topic, step / 240.0, message) for step, topic, message in arrivals], parameters)
     with made_with(TerrainCollider, parameters) as node:
-        node.pause(True)
+        node.pacer.pause(True)
         takes = {one.topic_name: one.callback for one in node.subscriptions}
         for step in range(240):
             for arrival, topic, message in arrivals:
