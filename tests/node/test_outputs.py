@@ -28,7 +28,7 @@ from smartmesh_ros.tools.testing import points_of
 from smartmesh_ros.world.contacts import GroundContact
 from smartmesh_ros.world.state_table import StateTable
 from tests.core import mesh_parts
-from tests.ground.reaching import Reaching, balls_on
+from tests.ground.test_shown_patches import Reaching, balls_on
 
 HEADER = Header(frame_id="some_map")
 PHYSICS = PhysicsConfig(rate=120.0)

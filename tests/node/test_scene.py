@@ -21,7 +21,7 @@ from smartmesh_ros.node.outputs.ground_view import GroundView, ground_points, wi
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.tools.testing import Probe, Process, points_of
 from tests.bodies import rotation
-from tests.ground.reaching import balls_on
+from tests.ground.test_shown_patches import balls_on
 from tests.node.shared import on_level, show_map, spawn
 from tests.urdfs import HUSKY, ROVER
 

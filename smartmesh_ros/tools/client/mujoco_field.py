@@ -67,7 +67,7 @@ def write_field(model: Any, data: Any, field: int | str, patch: Patch) -> None:
     if abs(across[:2] @ down[:2]) > SKEWED * math.hypot(*across[:2]) * math.hypot(*down[:2]):
         # The plane of the deck; corners of the patch may be holes.
         equations = np.column_stack([known[:, :2] - middle[:2], np.ones(len(known))])
-        *slope, middle[2] = np.linalg.lstsq(equations, known[:, 2])[0]
+        *slope, middle[2] = np.linalg.lstsq(equations, known[:, 2], rcond=None)[0]
     across[2], down[2] = across[:2] @ slope, down[:2] @ slope
     wide_cell, high_cell = float(np.linalg.norm(across)), float(np.linalg.norm(down))
     x, y = across / wide_cell, down / high_cell

@@ -1,9 +1,23 @@
 """Fixtures of the tests of the view."""
 
 from collections.abc import Iterator
+from contextlib import closing
 from typing import Any
 
 import pytest
+import rclpy
+
+from smartmesh_ros.tools.client.remote import Remote
+from smartmesh_ros.tools.testing import COLLIDER
+
+
+@pytest.fixture
+def remote(domain: int) -> Iterator[Remote]:
+    """What a view knows of the node."""
+    rclpy.init()
+    with closing(Remote(COLLIDER)) as made:
+        yield made
+    rclpy.try_shutdown()
 
 
 @pytest.fixture

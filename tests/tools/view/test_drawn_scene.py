@@ -2,19 +2,17 @@
 draws them."""
 
 import math
-from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
-import rclpy
 from geometry_msgs.msg import PoseStamped
 from rclpy.serialization import serialize_message
 
 from smartmesh_ros.tools.client.drawn_scene import drawn_scene
 from smartmesh_ros.tools.client.remote import Remote
 from smartmesh_ros.tools.client.sight import Sight
-from smartmesh_ros.tools.testing import COLLIDER, Probe, Process, points_of, pose_message
+from smartmesh_ros.tools.testing import Probe, Process, points_of, pose_message
 from tests.node.shared import on_level
 
 BODIES = [
@@ -56,12 +54,13 @@ def test_tracked_bodies_are_where_the_node_has_them_whatever_their_topics_frames
         assert sight.poses[name].wxyz == pytest.approx([math.cos(0.15), 0.0, 0.0, math.sin(0.15)])
 
 
-def test_ground_of_a_file_is_shown_until_a_map_comes_and_bodies_of_any_topic(probe: Probe, tmp_path: Path) -> None:
+def test_ground_of_a_file_is_shown_until_a_map_comes_and_bodies_of_any_topic(
+    remote: Remote, probe: Probe, tmp_path: Path
+) -> None:
     np.save(tmp_path / "slope.npy", np.tile(0.2 * np.linspace(0.0, 10.0, 51, dtype=np.float32), (51, 1)))
     parameters = {"terrain.file": str(tmp_path / "slope.npy"), "raster.resolution": 0.2, "bodies.poses": ["tip=/tip"]}
     points = np.random.default_rng(7).uniform(1.0, 9.0, (100, 2))
-    rclpy.init()
-    with closing(Remote(COLLIDER)) as remote, Process("terrain_collider", parameters) as process:
+    with Process("terrain_collider", parameters) as process:
 
         def shown() -> bool:
             remote.watch({"scene", "body_descriptions"})
@@ -87,4 +86,3 @@ def test_ground_of_a_file_is_shown_until_a_map_comes_and_bodies_of_any_topic(pro
 
         probe.wait_for(placed, watch=process)
         assert remote.sight.poses["tip"].position == (1.0, 2.0, 4.0)
-    rclpy.try_shutdown()

@@ -1,12 +1,10 @@
 """The view beside a node that ends, or is killed, and is started again."""
 
-from collections.abc import Iterator
-from contextlib import closing, nullcontext
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
 import pytest
-import rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from smartmesh_msgs.msg import Heightmap, TrackedBodyArray
 
@@ -16,15 +14,6 @@ pytest.importorskip("viser", reason="viser is not installed; scripts/workspace r
 
 from smartmesh_ros.tools.client.remote import Remote
 from smartmesh_ros.tools.view.knobs import KnobPanel
-
-
-@pytest.fixture
-def remote(domain: int) -> Iterator[Remote]:
-    """What a view knows of the node."""
-    rclpy.init()
-    with closing(Remote(COLLIDER)) as made:
-        yield made
-    rclpy.try_shutdown()
 
 
 def test_the_page_shows_the_parameters_of_the_node_that_runs_now(probe: Probe, remote: Remote, server: Any) -> None:

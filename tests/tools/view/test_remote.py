@@ -1,32 +1,22 @@
 """How a view follows its node: no message of a burst is lost, and none waits for a slow page."""
 
 from argparse import Namespace
-from collections.abc import Iterator
-from contextlib import closing, suppress
+from contextlib import suppress
 from time import sleep
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-import rclpy
 from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import ColliderPatch, ColliderPatchArray
 
 from smartmesh_ros.tools.client.remote import Remote
-from smartmesh_ros.tools.testing import COLLIDER, Probe, heightmap_message
+from smartmesh_ros.tools.testing import Probe, heightmap_message
 
 pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")
 
 from smartmesh_ros.tools.view import main, page
-
-
-@pytest.fixture
-def remote(domain: int) -> Iterator[Remote]:
-    rclpy.init()
-    with closing(Remote(COLLIDER)) as made:
-        yield made
-    rclpy.try_shutdown()
 
 
 def test_tiles_that_are_published_in_a_burst_are_all_shown(remote: Remote, probe: Probe) -> None:
