@@ -26,7 +26,6 @@ from smartmesh_ros.node.inputs.terrain_inputs import TerrainInputs
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.publishing import Publishing
 from smartmesh_ros.node.outputs.transform_outputs import require_transforms
-from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters import specifications as parameters
 from smartmesh_ros.node.parameters.declaring import ParameterNode
 from smartmesh_ros.node.parameters.helping import answer
@@ -286,8 +285,9 @@ class TerrainCollider(ParameterNode, Collider):
         names = {change.name for change in changes}
         if not names & {*parameters.NAMES, "use_sim_time"}:
             return
+        before, new = self.values, {change.name: change.value for change in changes if change.name in parameters.NAMES}
+        self.values = before | new
         self.configure(parameters.current_settings(self), names)
-        before, self.values = self.values, declaring.current_values(self, parameters.SPECS)
         parameters.announce_changes(self, before, self.values)
 
 

@@ -12,7 +12,6 @@ import yaml
 from rcl_interfaces.msg import ParameterType
 from rclpy.parameter import Parameter, parameter_dict_from_yaml_file, parameter_value_to_python
 
-from smartmesh_ros.node.parameters.declaring import plain_value
 from smartmesh_ros.node.parameters.helping import parameter_file
 from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.node.terrain_collider import TerrainCollider
@@ -80,7 +79,7 @@ def check_descriptions(node: TerrainCollider) -> None:
 
 def values(node: TerrainCollider, names: Iterable[str]) -> dict[str, Any]:
     """Values of parameters; an empty list arrives as nothing."""
-    found = {name: plain_value(node.get_parameter(name)) for name in names}
+    found = {name: node.get_parameter(name).value for name in names}
     return {name: [] if value is None else value for name, value in found.items()}
 
 

@@ -11,8 +11,9 @@ from __future__ import annotations
 import copy
 import math
 import re
+from array import array
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from typing import Any, Literal, NamedTuple
 
@@ -77,52 +78,33 @@ def nearest(name: str, specs: Sequence[Spec]) -> str:
     return suggestion(name, [spec.name for spec in specs])
 
 
-def current_values(node: Node, specs: Sequence[Spec]) -> dict[str, Any]:
-    return {spec.name: plain_value(node.get_parameter(spec.name)) for spec in specs}
-
-
 def checked(values: Mapping[str, Any], specs: Sequence[Spec]) -> dict[str, Any]:
-    """Return the values, checked for type and bounds; raises `InputError` for the first invalid one.
-
-    An integer is accepted for a float parameter.
-    """
+    """Return the values as `checked_value` does; raises `InputError` for the first invalid one."""
     return {spec.name: checked_value(spec, values[spec.name]) for spec in specs}
 
 
-def plain_value(parameter: Parameter) -> Any:
-    """Return a parameter's value, arrays as lists."""
-    value = parameter.value
-    return list(value) if hasattr(value, "tolist") or isinstance(value, list) else value
-
-
 def checked_value(spec: Spec, value: Any) -> Any:
-    """Return a value for one parameter, checked as by `checked`."""
+    """Return a value for one parameter, of its type and within its bounds, arrays as lists. Raises `InputError`.
+
+    An integer is accepted for a real number, and so are texts of numbers: `ros2 param load` sends 1.0e-09 of a file as
+    the text 1e-09, which is no number of YAML 1.1.
+    """
     kind, many = _kind(spec), isinstance(spec.default, list)
     if many and kind is str and value in (None, [""]):
         value = []  # how rcl delivers the empty list of a file, and the usual way to write one, whose type is unknown
-    items = value if many and isinstance(value, list) else [value]
+    if kind is float and isinstance(value, str):
+        with suppress(ValueError):
+            numbers = [float(word) for word in value.strip("[] ").split(",")]
+            value = numbers if many or len(numbers) > 1 else numbers[0]
+    listed = isinstance(value, list | array)
+    items = [*value] if listed else [value]
     items = [float(item) if kind is float and type(item) is int else item for item in items]
-    fits = many == isinstance(value, list) and all(type(item) is kind for item in items)
+    fits = many == listed and all(type(item) is kind for item in items)
     if fits and kind in (int, float):
         fits = all(math.isfinite(item) and spec.low <= item <= spec.high for item in items)
     if not fits or (spec.choices and value not in spec.choices):
-        raise InputError("parameter", f"{spec.name} is {value!r}; {spec.rule}")
+        raise InputError("parameter", f"{spec.name} is {[*value] if listed else value!r}; {spec.rule}")
     return items if many else items[0]
-
-
-def _typed(spec: Spec, given: Parameter) -> Parameter:
-    """Return a parameter of the type that a text or nothing stands for: `ros2 param load` sends 1.0e-09 of a file as
-    the text 1e-09, which is no number of YAML 1.1."""
-    many = isinstance(spec.default, list)
-    if given.value is None and spec.default == []:
-        return Parameter(spec.name, Parameter.Type.STRING_ARRAY, [])
-    if given.type_ is not Parameter.Type.STRING or _kind(spec) is not float:
-        return given
-    try:
-        numbers = [float(word) for word in given.value.strip("[] ").split(",")]
-    except ValueError:
-        return given
-    return Parameter(spec.name, value=numbers if many else numbers[0]) if many or len(numbers) == 1 else given
 
 
 def _kind(spec: Spec) -> type:
@@ -224,36 +206,41 @@ class ParameterNode(Node):
     """
 
     def __init__(self, name: str, specs: Sequence[Spec], **options: Any) -> None:
-        self._specs = specs
+        self._specs = {spec.name: spec for spec in specs}
+        self.values: dict[str, Any] = {}
         with refused_arguments():
             super().__init__(name, **options)
         require_overrides(self)
         for spec in specs:
-            # rcl delivers the empty list of a file as no value, which a dump of the parameters would write as null.
             given = given_parameters(self).get(spec.name)
-            value = spec.default if given is None else checked_value(spec, plain_value(given))
-            empty = value == spec.default == []
-            self.declare_parameter(spec.name, spec.default, _descriptor(spec), ignore_override=empty)
-        for given in sorted(given_parameters(self)):
-            if not self.has_parameter(given) and not given.startswith(QOS):
-                self.get_logger().warning(f"parameter {given!r} is unknown and has no effect{nearest(given, specs)}")
-        self.values = checked(current_values(self, specs), specs)
+            value = spec.default if given is None else checked_value(spec, given.value)
+            self.declare_parameter(spec.name, value, _descriptor(spec), ignore_override=True)
+            self.values[spec.name] = value
+        for stray in sorted(given_parameters(self)):
+            if not self.has_parameter(stray) and not stray.startswith(QOS):
+                self.get_logger().warning(f"parameter {stray!r} is unknown and has no effect{nearest(stray, specs)}")
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """Set parameters like rclpy, with refusals that say what would be right, numbers that are given as text, and
-        empty lists without a type. rclpy would delete such a list, which other changes then miss."""
-        specs = {spec.name: spec for spec in self._specs}
-        parameter_list = [_typed(specs[one.name], one) if one.name in specs else one for one in parameter_list]
-        for name in (parameter.name for parameter in parameter_list):
-            if not self.has_parameter(name):
-                reason = f"parameter {name!r} is unknown{nearest(name, self._specs)}"
-            elif name in specs and specs[name].read_only:
-                cure = f"restart the node with -p {name}:=..., or with a file that sets it"
-                reason = f"{name} is fixed after the start; {cure}"
-            else:
-                continue
-            return SetParametersResult(successful=False, reason=reason)
-        return super().set_parameters_atomically(parameter_list)
+        """Set parameters like rclpy, each to a value of its type, with refusals that say what would be right."""
+        try:
+            checked_ones = [self._checked(one) for one in parameter_list]
+        except InputError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return super().set_parameters_atomically(checked_ones)
+
+    def _checked(self, given: Parameter) -> Parameter:
+        """Return a parameter to set, with a value of its type. Raises `InputError`."""
+        name, spec = given.name, self._specs.get(given.name)
+        if not self.has_parameter(name):
+            raise InputError("parameter", f"parameter {name!r} is unknown{nearest(name, [*self._specs.values()])}")
+        if spec is None:  # of rclpy
+            return given
+        if spec.read_only:
+            cure = f"restart the node with -p {name}:=..., or with a file that sets it"
+            raise InputError("parameter", f"{name} is fixed after the start; {cure}")
+        value = checked_value(spec, given.value)
+        # rclpy knows no type of an empty list, and would delete a parameter without a value.
+        return Parameter(name, Parameter.Type.STRING_ARRAY if value == [] else None, value)
 
     def create_publisher(self, msg_type: Any, topic: str, qos_profile: Any, **options: Any) -> Any:
         """Create a publisher like rclpy, with the QoS that parameters give it."""

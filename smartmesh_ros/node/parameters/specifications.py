@@ -17,7 +17,7 @@ from smartmesh_ros.errors import InputError, naming
 from smartmesh_ros.io.files import expanded
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.parameters import declaring
-from smartmesh_ros.node.parameters.declaring import Spec
+from smartmesh_ros.node.parameters.declaring import ParameterNode, Spec
 from smartmesh_ros.node.parameters.entries import deck_entries, output_entries, shape_entries
 from smartmesh_ros.node.parameters.helping import files_of, mismatch
 from smartmesh_ros.node.parameters.settings import Settings, TerrainChanges, body_sources, peer_names
@@ -199,18 +199,20 @@ def _with(config: ConfigT, tree: Mapping[str, Any]) -> ConfigT:
     return replace(config, **changes)  # type: ignore[type-var]
 
 
-def current_settings(node: Node, changes: Sequence[Parameter] = ()) -> Settings:
+def current_settings(node: ParameterNode, changes: Sequence[Parameter] = ()) -> Settings:
     """Return the settings for the current values of the parameters and for ``changes`` of some; raises `InputError` if
     these are invalid together."""
-    new = {change.name: declaring.plain_value(change) for change in changes}
-    settings = settings_from({**declaring.current_values(node, SPECS), **new})
+    new = {change.name: change.value for change in changes}
+    settings = settings_from({**node.values, **new})
     if settings.publish.clock > 0.0 and new.get("use_sim_time", node.get_parameter("use_sim_time").value):
         words = "publish.clock makes this node the source of /clock, use_sim_time makes it follow another"
         raise InputError("parameter", f"{words}; set one of them")
     return settings
 
 
-def check_change(node: Node, changes: list[Parameter], check: Callable[[Settings], None]) -> SetParametersResult:
+def check_change(
+    node: ParameterNode, changes: list[Parameter], check: Callable[[Settings], None]
+) -> SetParametersResult:
     """Return whether all ``changes`` together are valid; for the on-set callback, which changes nothing itself.
 
     ``check`` raises `InputError` if it rejects the resulting settings.

@@ -15,7 +15,6 @@ from service_msgs.msg import ServiceEventInfo
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.checked_messages import message_from
-from smartmesh_ros.node.parameters.declaring import plain_value
 from smartmesh_ros.node.parameters.specifications import NAMES
 from smartmesh_ros.node.terrain_collider import Collider
 from smartmesh_ros.tools.replay.bag import EVENTS, Record, Source, type_of
@@ -220,7 +219,7 @@ class Replay:
             return
         changed = [Parameter.from_parameter_msg(one) for one in event.changed_parameters if one.name in NAMES]
         if changed:
-            self._set({one.name: plain_value(one) for one in changed})
+            self._set({one.name: one.value for one in changed})
 
     def _call_events(self) -> dict[str, int]:
         """Return which event of each recorded service stands for a call: that of the server, which a client may have

@@ -55,7 +55,7 @@ def test_every_parameter_that_may_change_has_a_knob_with_the_bounds_and_choices_
             assert (knob.options["min"], knob.options["max"]) == (spec.low, spec.high)
             assert spec.low <= knob.value <= spec.high
             assert type(knob.options["step"]) is type(spec.default)
-        sent = declaring.plain_value(parameter_of(knob, knob.value))
+        sent = parameter_of(knob, knob.value).value
         assert declaring.checked_value(spec, sent) == spec.default, sent
     kinds = {
         "physics.friction": "slider", "terrain.motion": "dropdown", "physics.sleep": "checkbox",
