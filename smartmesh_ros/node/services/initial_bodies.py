@@ -25,18 +25,6 @@ from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.world import World
 
 
-def state_of(world: World, entry: Entry) -> BodyState | None:
-    """Return the state of an entry, which the ground may lift; None if the terrain does not cover its place yet."""
-    position = entry.xyz
-    if position is None:
-        x, y = entry.xy
-        height = float(world.terrain.at([[x, y]], world.time).heights[0])
-        if math.isnan(height):
-            return None
-        position = (x, y, height + (entry.above or 0.0))
-    return BodyState(position, about(Z, entry.yaw))
-
-
 def add_to(
     world: World, name: str, what: Shape | PreparedRobot, mass: float, state: BodyState, **standing: Any
 ) -> None:
@@ -50,8 +38,8 @@ def add_to(
 class InitialBodies:
     """Entries of ``bodies.spawn``, and entries added later. ``names``: bodies with which the scene begins, in the world
     or not; those of a restored state may have no entry here. ``starts``: where they were spawned, robots by the frame
-    of the base link. ``refused``: why a body could not be spawned, by name. ``standing``: those that are being put onto
-    the ground."""
+    of the base link. ``refused``: why a body could not be spawned, by name. ``waiting``: names of the bodies that wait
+    for terrain, and whether they are being put onto it."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -59,8 +47,7 @@ class InitialBodies:
         self.names: set[str] = set()
         self.starts: dict[str, BodyState] = {}
         self.refused: dict[str, str] = {}
-        self._waiting: list[str] = []
-        self.standing: set[str] = set()
+        self.waiting: dict[str, bool] = {}
         for entry in entries_from(session.settings.spawn).values():
             with naming("bodies.spawn"):
                 self.add(entry)
@@ -74,21 +61,15 @@ class InitialBodies:
         if spawned and entry.xyz is not None and not self._session.world.terrain.empty:
             self._session.start_of(entry.name, BodyState(entry.xyz))
         self.replace(entry)
-        self._waiting = [name for name in self._waiting if name != entry.name]
+        self.waiting.pop(entry.name, None)
         if not spawned:
-            self._waiting.append(entry.name)
+            self.waiting[entry.name] = False
 
     def start_over(self, entries: Mapping[str, Entry]) -> None:
         """Have other entries, none of whose bodies is in the world; they are spawned by `on_terrain`."""
-        self.entries, self.names, self._waiting = dict(entries), {*entries}, [*entries]
-        self.standing.clear()
+        self.entries, self.names, self.waiting = dict(entries), {*entries}, dict.fromkeys(entries, False)
         self.starts.clear()
         self.refused.clear()
-
-    @property
-    def waiting(self) -> list[str]:
-        """Names of the bodies that wait for terrain, or are being put onto it."""
-        return [*self._waiting, *sorted(self.standing)]
 
     def take_restored(
         self, waiting: Collection[str], names: Collection[str] | None, starts: Mapping[str, BodyState]
@@ -98,17 +79,21 @@ class InitialBodies:
         if names is not None:
             self.names, self.starts = {*names}, dict(starts)
         self.entries = {name: replace(entry) for name, entry in self.entries.items()}  # `_stand` gives up the others
-        self.standing.clear()
-        self._waiting = [name for name in self.entries if name in waiting and name not in self._session.world.bodies]
+        there = self._session.world.bodies
+        self.waiting = {name: False for name in self.entries if name in waiting and name not in there}
         self.on_terrain()
 
     def _spawn(self, entry: Entry) -> bool:
-        """Spawn the body of an entry. Return False if the terrain does not cover its place yet."""
-        world, what = self._session.world, entry.shape or entry.robot
-        if what is None or (state := state_of(world, entry)) is None:
+        """Spawn the body of an entry, which the ground may lift. Return False if the terrain does not cover its place
+        yet."""
+        world, what, position = self._session.world, entry.shape or entry.robot, entry.xyz
+        if position is None:
+            height = float(world.terrain.at([entry.xy], world.time).heights[0])
+            position = (*entry.xy, height + (entry.above or 0.0))
+        if what is None or math.isnan(position[2]):
             return False
         standing = {"on_ground": entry.on_ground, "clearance": entry.clearance, "align": entry.align}
-        add_to(world, entry.name, what, entry.mass, state, **standing)
+        add_to(world, entry.name, what, entry.mass, BodyState(position, about(Z, entry.yaw)), **standing)
         self.starts[entry.name] = world.base_state(entry.name)
         return True
 
@@ -119,43 +104,37 @@ class InitialBodies:
 
     def on_terrain(self) -> None:
         """Spawn the bodies that waited for terrain."""
-        waiting, self._waiting = self._waiting, []
-        for name in waiting:
-            self.standing.add(name)
+        for name in [name for name, begun in self.waiting.items() if not begun]:
+            self.waiting[name] = True
             self._session.turns.begin(self._stand(self.entries[name]))
 
     async def _stand(self, entry: Entry) -> None:
         """Spawn the body of an entry; one on the ground, which takes longer, in the next turn, unless there is another
-        scene by then."""
+        scene by then. What PyBullet failed at, or is partly over no ground, is tried again with the next map."""
         if entry.on_ground:
             await NextTurn()
-        try:
-            with self._session.lock:
-                if self.entries.get(entry.name) is entry and not self._spawn(entry):
-                    self._waiting.append(entry.name)
-        except REFUSED as error:
-            if self.entries.get(entry.name) is entry:
-                self._note(entry.name, error)
-        finally:
-            self.standing.discard(entry.name)
-
-    def _note(self, name: str, error: Exception) -> None:
-        """Count and log a refusal. What PyBullet failed at, or is partly over no ground, is tried again with the next
-        map."""
-        self._session.refusals.add("bodies.spawn", error)
-        self.refused[name] = str(error)
-        if not isinstance(error, InputError) or error.reason == "no_ground":
-            self._waiting.append(name)
+        with self._session.lock:
+            if self.entries.get(entry.name) is not entry:
+                return
+            try:
+                again = not self._spawn(entry)
+            except REFUSED as error:
+                self._session.refusals.add("bodies.spawn", error)
+                self.refused[entry.name] = str(error)
+                again = not isinstance(error, InputError) or error.reason == "no_ground"
+            del self.waiting[entry.name]
+            if again:
+                self.waiting[entry.name] = False
 
     def has(self, name: str) -> bool:
         """Return True if a body is there, or will be."""
-        return any(name in known for known in (self._session.world.bodies, self._waiting, self.standing))
+        return name in self._session.world.bodies or name in self.waiting
 
     def restore(self, names: Collection[str] | None = None) -> None:
         """Spawn again the initial bodies that were removed, None = all, or those of some ``names``."""
         scene = [name for name in self.entries if name in self.names]
         chosen = [name for name in scene if names is None or name in names]
-        self._waiting += [name for name in chosen if not self.has(name)]
+        self.waiting |= {name: False for name in chosen if not self.has(name)}
         self.on_terrain()
 
 

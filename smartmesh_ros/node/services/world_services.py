@@ -88,7 +88,7 @@ class WorldServices:
             standard.leave_world()
             self._node.set_scene(raster, entries)
             standard.world, standard.unloaded = world, False
-        while self._node.initial.standing:
+        while any(self._node.initial.waiting.values()):
             await NextTurn(waits=True)
         why = self._node.initial.refused
         absent = (name for name in entries if name not in session.world.bodies)
