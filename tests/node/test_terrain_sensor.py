@@ -1,7 +1,6 @@
 """The simulated lidar and depth camera over real DDS."""
 
 import math
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,8 +12,7 @@ from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.outputs.cdr import doubles
-from smartmesh_ros.node.sensor.range_sensors import Lidar
-from smartmesh_ros.node.sensor.terrain_sensor import TerrainSensor
+from smartmesh_ros.node.sensor.terrain_sensor import SPECS, TerrainSensor, directions_of
 from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.tools.testing import Probe
@@ -81,7 +79,7 @@ def test_noise_has_the_deviation_that_was_asked_for(domain: int, monkeypatch: py
     with made_with(TerrainSensor, noise) as node:
         found: list[PointCloud2] = []
         monkeypatch.setattr(node, "_points", SimpleNamespace(publish=found.append))
-        directions = np.concatenate([node.sensor.directions_b(look) for look in range(4)])
+        directions = np.concatenate([node.directions_b(look) for look in range(4)])
         true = np.linspace(1.0, 12.0, len(directions))
         answer = CastRays.Response(success=True, distances=doubles(true))
         node._on_answer(SimpleNamespace(result=lambda: answer), directions)
@@ -131,9 +129,9 @@ def test_impossible_sensors_do_not_start(domain: int, parameters: dict[str, Any]
 
 
 def test_the_sectors_of_a_turn_are_the_turn() -> None:
-    lidar = Lidar()
-    whole = replace(lidar, sectors=1).directions_s(0)
-    parts = np.concatenate([lidar.directions_s(look) for look in range(lidar.sectors)])
+    lidar = {spec.name: spec.default for spec in SPECS} | {"lidar.sectors": 4}
+    whole = directions_of(lidar | {"lidar.sectors": 1}, 0)
+    parts = np.concatenate([directions_of(lidar, look) for look in range(4)])
     rounded = [{tuple(ray) for ray in np.round(rays, 6).tolist()} for rays in (whole, parts)]
     assert rounded[0] == rounded[1]
-    assert len(rounded[0]) == lidar.beams * lidar.steps
+    assert len(rounded[0]) == lidar["lidar.beams"] * lidar["lidar.steps"]

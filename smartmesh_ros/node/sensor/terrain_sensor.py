@@ -21,39 +21,41 @@ from smartmesh_msgs.srv import CastRays
 from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.quaternions import Y, about, product
+from smartmesh_ros.ground.quaternions import Y, about, product, rotated
 from smartmesh_ros.node.inputs.optional_messages import find_message
 from smartmesh_ros.node.outputs.cdr import doubles
 from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.running import spin
-from smartmesh_ros.node.sensor.range_sensors import DepthCamera, Lidar, RangeSensor
 from smartmesh_ros.node.transport import LATCHED
 from smartmesh_ros.terrain.grid import FloatArray
 
 NAME = "terrain_sensor"
-_L, _C = Lidar(), DepthCamera()
+# The noise of a range r is normal. Its constant part comes from the clock or the lens, the quadratic one from
+# triangulation and weak echoes: by default 1 cm near by, and 3 cm at 15 m. Most beams of the lidar look downwards, as
+# on ground robots; the camera is a usual short-base one, thinned out to what a mapper keeps of it.
 SPECS = (
     fixed("sensor", "lidar", "Kind of sensor.", choices=("lidar", "depth_camera")),
     fixed("frame", "", "Frame that carries the sensor: of TF, or the name of a body; empty = the terrain's frame."),
     fixed("through", [], "Bodies that the rays pass through, such as the one that carries the sensor."),
-    fixed("position", [*_L.position_b], "Position of the sensor in its frame (x, y, z) [m].", -1e3, 1e3),
-    fixed("pitch", _L.pitch, "Angle by which the sensor looks down from the frame's x axis [rad].", -3.15, 3.15),
-    fixed("rate", _L.rate, "Looks a second [Hz].", 0.01, 200.0),
-    fixed("range.nearest", _L.nearest, "Closer surfaces give no return [m].", 0.0, 1e4),
-    fixed("range.farthest", _L.farthest, "Farther surfaces give no return [m].", 0.01, 1e4),
-    fixed("noise.constant", _L.noise_constant, "Standard deviation of a range, constant part [m].", 0.0, 10.0),
-    fixed("noise.quadratic", _L.noise_quadratic, "Standard deviation of a range r, as a multiple of r^2 [1/m].", 0.0,
-          10.0),
+    fixed("position", [0.0, 0.0, 0.8], "Position of the sensor in its frame (x, y, z) [m].", -1e3, 1e3),
+    fixed("pitch", 0.0, "Angle by which the sensor looks down from the frame's x axis [rad].", -3.15, 3.15),
+    fixed("rate", 10.0, "Looks a second [Hz].", 0.01, 200.0),
+    fixed("range.nearest", 0.5, "Closer surfaces give no return [m].", 0.0, 1e4),
+    fixed("range.farthest", 15.0, "Farther surfaces give no return [m].", 0.01, 1e4),
+    fixed("noise.constant", 0.01, "Standard deviation of a range, constant part [m].", 0.0, 10.0),
+    fixed("noise.quadratic", 0.0001, "Standard deviation of a range r, as a multiple of r^2 [1/m].", 0.0, 10.0),
     fixed("noise.seed", 0, "Seed of the noise.", 0, 2**31 - 1),
-    fixed("lidar.beams", _L.beams, "Beams, one above the other.", 1, 512),
-    fixed("lidar.fan", [*_L.fan], "Elevations of the lowest and the highest beam [rad].", -1.571, 1.571),
-    fixed("lidar.steps", _L.steps, "Shots of all beams in a turn.", 1, 100_000),
+    fixed("lidar.beams", 16, "Beams, one above the other.", 1, 512),
+    fixed("lidar.fan", [math.radians(-30.0), math.radians(10.0)],
+          "Elevations of the lowest and the highest beam [rad].", -1.571, 1.571),
+    fixed("lidar.steps", 360, "Shots of all beams in a turn.", 1, 100_000),
     fixed("lidar.sectors", 1, "Looks in a turn.", 1, 1000),
-    fixed("camera.columns", _C.columns, "Columns of the image.", 2, 4096),
-    fixed("camera.rows", _C.rows, "Rows of the image.", 2, 4096),
-    fixed("camera.view", [*_C.view], "Horizontal and vertical angle between the outermost rays [rad].", 0.01, 3.1),
+    fixed("camera.columns", 64, "Columns of the image.", 2, 4096),
+    fixed("camera.rows", 48, "Rows of the image.", 2, 4096),
+    fixed("camera.view", [math.radians(87.0), math.radians(58.0)],
+          "Horizontal and vertical angle between the outermost rays [rad].", 0.01, 3.1),
 )  # fmt: skip
 # Time without looks that is no reason for a warning, such as at a start [s], and number of empty clouds in a row that
 # is.
@@ -67,25 +69,33 @@ MOST_RAYS = 100_000
 _FLOAT_SIZE = 4
 
 
-def sensor_of(values: dict[str, Any]) -> RangeSensor:
-    """Return the sensor that the parameters describe. Raises `InputError`."""
+def directions_of(values: dict[str, Any], look: int) -> FloatArray:
+    """Return unit directions (n, 3) of the rays of the look of that number, for the values of the parameters: x
+    forwards, z up. Those of a camera are row by row from the upper left, those of a lidar, whose turn consists of
+    ``lidar.sectors`` looks, beam by beam from the lowest."""
+    if values["sensor"] == "depth_camera":
+        wide, high = (math.tan(0.5 * angle) for angle in values["camera.view"])
+        columns, rows = values["camera.columns"], values["camera.rows"]
+        left, up = np.meshgrid(np.linspace(wide, -wide, columns), np.linspace(high, -high, rows))
+        rays = np.stack([np.ones_like(left), left, up], axis=-1).reshape(-1, 3)
+        return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
+    (lowest, highest), steps, sectors = values["lidar.fan"], values["lidar.steps"], values["lidar.sectors"]
+    shots = np.arange(look * steps // sectors, (look + 1) * steps // sectors)
+    beams = np.linspace(lowest, highest, values["lidar.beams"])
+    azimuth, rise = np.meshgrid(shots * (2.0 * math.pi / steps), beams)
+    flat = np.cos(rise)
+    return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(rise)], axis=-1).reshape(-1, 3)
+
+
+def require_sensor(values: dict[str, Any]) -> None:
+    """Raise `InputError` unless the values of the parameters describe a sensor."""
     for name, count in (("position", 3), ("lidar.fan", 2), ("camera.view", 2)):
         if len(values[name]) != count:
             raise InputError("parameter", f"{name} has {len(values[name])} numbers; it needs {count}")
     if not values["range.nearest"] < values["range.farthest"]:
         raise InputError("parameter", "range.nearest must be less than range.farthest")
-    x, y, z = values["position"]
-    common: dict[str, Any] = {
-        "position_b": (x, y, z), "pitch": values["pitch"], "nearest": values["range.nearest"],
-        "farthest": values["range.farthest"], "rate": values["rate"],
-        "noise_constant": values["noise.constant"], "noise_quadratic": values["noise.quadratic"],
-    }  # fmt: skip
-    kind, group = (Lidar, "lidar.") if values["sensor"] == "lidar" else (DepthCamera, "camera.")
-    own = {name.removeprefix(group): value for name, value in values.items() if name.startswith(group)}
-    made: RangeSensor = kind(**common, **own)
-    if (count := len(made.directions_s(0))) > MOST_RAYS:
+    if (count := len(directions_of(values, 0))) > MOST_RAYS:
         raise InputError("parameter", f"{count} rays in one look; at most {MOST_RAYS} are possible")
-    return made
 
 
 class TerrainSensor(ParameterNode):
@@ -93,10 +103,9 @@ class TerrainSensor(ParameterNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, SPECS, **node_options)
-        values = self.values
-        self.sensor = sensor_of(values)
-        self._frame, self._through = values["frame"], values["through"]
-        self._rng = np.random.default_rng(values["noise.seed"])
+        require_sensor(self.values)
+        self._rng = np.random.default_rng(self.values["noise.seed"])
+        self._pitch, self._position = about(Y, self.values["pitch"]), self.values["position"]
         self._look = 0
         self._asked: Any = None  # the call under way
         self._asked_at = 0.0
@@ -105,11 +114,12 @@ class TerrainSensor(ParameterNode):
         self._client = self.create_client(CastRays, "terrain_collider/cast_rays")
         self._points = self.create_publisher(PointCloud2, "~/points", QoSProfile(depth=5))
         self._optical = f"{self.get_fully_qualified_name().strip('/')}_optical"
-        if isinstance(self.sensor, DepthCamera):
+        self._is_camera = self.values["sensor"] == "depth_camera"
+        if self._is_camera:
             self._image = self.create_publisher(Image, "~/image", QoSProfile(depth=5))
             self._info = self.create_publisher(CameraInfo, "~/camera_info", QoSProfile(depth=5))
         self._frames: Any = None  # publisher of the optical frame
-        self.create_timer(1.0 / self.sensor.rate, self._on_time)
+        self.create_timer(1.0 / self.values["rate"], self._on_time)
 
     def _on_time(self) -> None:
         """Cast the rays of the next look, unless the last ones are still under way."""
@@ -122,14 +132,18 @@ class TerrainSensor(ParameterNode):
                 f"there is no service {self._client.srv_name}; start terrain_collider, or remap the service"
             )
             return
-        directions = self.sensor.directions_b(self._look)
-        request = CastRays.Request(header=Header(frame_id=self._frame), range=self.sensor.farthest)
-        request.origins = doubles(np.tile(self.sensor.position_b, (len(directions), 1)))
-        request.directions, request.through = doubles(directions), self._through
+        directions = self.directions_b(self._look)
+        request = CastRays.Request(header=Header(frame_id=self.values["frame"]), range=self.values["range.farthest"])
+        request.origins = doubles(np.tile(self._position, (len(directions), 1)))
+        request.directions, request.through = doubles(directions), self.values["through"]
         self._look += 1
         asked = self._asked = self._client.call_async(request)
         self._asked_at = now
         asked.add_done_callback(lambda future: self._on_answer(future, directions))
+
+    def directions_b(self, look: int) -> FloatArray:
+        """Return the directions (n, 3) of a look in the frame that carries the sensor."""
+        return rotated(np.array(self._pitch), directions_of(self.values, look))
 
     def _on_answer(self, future: Any, directions: FloatArray) -> None:
         if future is self._asked:
@@ -140,19 +154,19 @@ class TerrainSensor(ParameterNode):
             return
         self._looked_at = monotonic()
         true = np.frombuffer(response.distances, np.float64)
-        known = np.isfinite(true) & (true >= self.sensor.nearest)
+        known = np.isfinite(true) & (true >= self.values["range.nearest"])
         self._note_returns(any_return=bool(known.any()))
         ranges = np.full(len(true), np.nan)
-        deviations = self.sensor.noise_constant + self.sensor.noise_quadratic * true[known] ** 2
+        deviations = self.values["noise.constant"] + self.values["noise.quadratic"] * true[known] ** 2
         ranges[known] = true[known] + deviations * self._rng.normal(size=len(deviations))
         header = response.header
-        points = np.array(self.sensor.position_b) + directions[known] * ranges[known, None]
+        points = np.array(self._position) + directions[known] * ranges[known, None]
         self._points.publish(cloud_message(header, points))
-        if isinstance(self.sensor, DepthCamera):
+        if self._is_camera:
             self._publish_frame(header)
             optical = Header(stamp=header.stamp, frame_id=self._optical)
-            self._image.publish(depth_image(optical, self.sensor, ranges))
-            self._info.publish(camera_info(optical, self.sensor))
+            self._image.publish(depth_image(optical, self.values, ranges))
+            self._info.publish(camera_info(optical, self.values))
 
     def _note_returns(self, *, any_return: bool) -> None:
         """Log a line when looks have begun to meet nothing, and when one meets something again."""
@@ -160,8 +174,9 @@ class TerrainSensor(ParameterNode):
             self.get_logger().info("rays meet something again")
         self._empty = 0 if any_return else self._empty + 1
         if self._empty == EMPTY_LOOKS:
-            around = f"frame {self._frame!r}" if self._frame else "the terrain's origin"
-            reach = f"{self.sensor.nearest:g} to {self.sensor.farthest:g} m"
+            frame = self.values["frame"]
+            around = f"frame {frame!r}" if frame else "the terrain's origin"
+            reach = f"{self.values['range.nearest']:g} to {self.values['range.farthest']:g} m"
             self.get_logger().warning(
                 f"clouds are empty: no ray meets anything within {reach} around {around}; is there ground below it?"
             )
@@ -172,8 +187,8 @@ class TerrainSensor(ParameterNode):
         if self._frames is not None or kind is None:
             return
         self._frames = self.create_publisher(kind, "/tf_static", LATCHED)
-        turn = product(about(Y, self.sensor.pitch), OPTICAL)
-        x, y, z = self.sensor.position_b
+        turn = product(self._pitch, OPTICAL)
+        x, y, z = self._position
         pose = Transform(
             translation=Vector3(x=x, y=y, z=z), rotation=Quaternion(**dict(zip("xyzw", turn, strict=True)))
         )
@@ -202,22 +217,23 @@ def cloud_message(header: Header, points: FloatArray) -> PointCloud2:
     )  # fmt: skip
 
 
-def depth_image(header: Header, camera: DepthCamera, ranges: FloatArray) -> Image:
+def depth_image(header: Header, values: dict[str, Any], ranges: FloatArray) -> Image:
     """Return ranges (rows * columns,) [m], NaN = no return, as an image of depths along the optical axis [m]."""
-    depths = ranges * camera.directions_s(0)[:, 0]
+    columns = values["camera.columns"]
     return Image(
-        header=header, height=camera.rows, width=camera.columns, encoding="32FC1", is_bigendian=0,
-        step=_FLOAT_SIZE * camera.columns, data=_bytes(depths),
+        header=header, height=values["camera.rows"], width=columns, encoding="32FC1", is_bigendian=0,
+        step=_FLOAT_SIZE * columns, data=_bytes(ranges * directions_of(values, 0)[:, 0]),
     )  # fmt: skip
 
 
-def camera_info(header: Header, camera: DepthCamera) -> CameraInfo:
+def camera_info(header: Header, values: dict[str, Any]) -> CameraInfo:
     """Return the pinhole model of a camera; its outermost rays pass through the middles of the outermost pixels."""
-    wide, high = (math.tan(0.5 * angle) for angle in camera.view)
-    middle_x, middle_y = 0.5 * (camera.columns - 1), 0.5 * (camera.rows - 1)
+    columns, rows = values["camera.columns"], values["camera.rows"]
+    wide, high = (math.tan(0.5 * angle) for angle in values["camera.view"])
+    middle_x, middle_y = 0.5 * (columns - 1), 0.5 * (rows - 1)
     fx, fy = middle_x / wide, middle_y / high
     return CameraInfo(
-        header=header, height=camera.rows, width=camera.columns, distortion_model="plumb_bob",
+        header=header, height=rows, width=columns, distortion_model="plumb_bob",
         d=array.array("d", [0.0] * 5), k=np.array([fx, 0.0, middle_x, 0.0, fy, middle_y, 0.0, 0.0, 1.0]),
         r=np.eye(3).ravel(),
         p=np.array([fx, 0.0, middle_x, 0.0, 0.0, fy, middle_y, 0.0, 0.0, 0.0, 1.0, 0.0]),

@@ -40,10 +40,11 @@ class StateServices:
         if file is not None and exists(file) and not state_file.is_state(state_file.read(file)):
             raise InputError("state", f"{file} is there, and is no saved state; choose another name")
         initial, robot = self._node.initial, self._node.robot
-        extra = {"frame_id": self._session.frame_id, "waiting": [*initial.waiting], "described": bool(robot.urdf)}
-        extra["names"] = sorted(initial.names)
-        extra["starts"] = {name: [*at.position, *at.orientation] for name, at in initial.starts.items()}
-        extra["bases"] = {name: [*base.memory] for name, base in self._session.bases.items()}
+        extra: dict[str, Any] = {
+            "frame_id": self._session.frame_id, "waiting": [*initial.waiting], "described": bool(robot.urdf),
+            "names": sorted(initial.names), "bases": {name: [*at.memory] for name, at in self._session.bases.items()},
+            "starts": {name: [*at.position, *at.orientation] for name, at in initial.starts.items()},
+        }  # fmt: skip
         data = self._session.world.save(file, extra=extra)
         self._take(**_checked(**extra))
         if file is None:
