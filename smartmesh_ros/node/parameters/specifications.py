@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial, reduce
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
@@ -158,7 +158,9 @@ SPECS = (
         "ferry, frame: ferry/deck, thickness: 0.5}; its maps come with its name as tile; see docs/decks.md."),
     _fixed("frame_id", "Frame of the terrain; empty = the frame of the first map."),
 )  # fmt: skip
-NAMES = frozenset(spec.name for spec in SPECS)
+# The places of the parameters in the settings.
+FIELDS = {spec.name: spec.place for spec in SPECS}
+NAMES = frozenset(FIELDS)
 
 
 def settings_from(values: Mapping[str, Any]) -> Settings:
@@ -172,25 +174,29 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     v |= {name: output_entries(name, v[name]) for name in ("height_scans", "ground_maps", "imus", "bases")}
     v |= {name: parse(name, v[name]) for name, parse in (("decks", deck_entries), ("bodies.shapes", shape_entries))}
     try:
-        return _settings(v, SPECS)
+        return _placed(DEFAULTS, v)
     except InputError:
-        for spec in SPECS:
-            with naming(spec.name):
-                _settings(v, [spec])
+        for name, value in v.items():
+            with naming(name):
+                _placed(DEFAULTS, {name: value})
         raise
 
 
-def _settings(values: Mapping[str, Any], specs: Iterable[Spec]) -> Settings:
-    """Return the settings with the values of the parameters ``specs`` in their places, and the defaults of others."""
+def with_values(settings: Settings, values: Mapping[str, Any]) -> Settings:
+    """Return settings with other values of some parameters. Raises `InputError` if one is invalid."""
+    return _placed(settings, declaring.checked(values, [spec for spec in SPECS if spec.name in values]))
+
+
+def _placed(settings: Settings, values: Mapping[str, Any]) -> Settings:
+    """Return settings with the values of some parameters in their places."""
     tree: dict[str, Any] = {}
-    for spec in specs:
-        *owners, field = spec.place.split(".")
+    for name, value in values.items():
+        *owners, field = FIELDS[name].split(".")
         branch = tree
         for owner in owners:
             branch = branch.setdefault(owner, {})
-        value = values[spec.name]
         branch[field] = tuple(value) if isinstance(value, list) else value
-    return _with(DEFAULTS, tree)
+    return _with(settings, tree)
 
 
 def _with(config: ConfigT, tree: Mapping[str, Any]) -> ConfigT:

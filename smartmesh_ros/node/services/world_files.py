@@ -20,20 +20,16 @@ from smartmesh_ros.io import files
 from smartmesh_ros.io.rasters import Raster, RasterConfig
 from smartmesh_ros.io.urdf import require_inside
 from smartmesh_ros.node.inputs.cdr_reader import MOST_SAMPLES
-from smartmesh_ros.node.parameters.declaring import checked_value
 from smartmesh_ros.node.parameters.entries import LOADER
 from smartmesh_ros.node.parameters.helping import PARAMETERS, parameters_by_node
 from smartmesh_ros.node.parameters.settings import Settings
-from smartmesh_ros.node.parameters.specifications import SPECS
+from smartmesh_ros.node.parameters.specifications import NAMES, with_values
 from smartmesh_ros.node.services.body_entries import Entry, entries_from
 from smartmesh_ros.node.services.files import allowed_folders, files_in, with_package_paths
 
 WORLDS = (*files.KINDS, ".yaml", ".yml")
-RASTER = "raster."
 # The parameters that make a world.
-ELEMENTS = {
-    spec.name: spec for spec in SPECS if spec.name in ("terrain.file", "bodies.spawn") or spec.name.startswith(RASTER)
-}
+ELEMENTS = {name for name in NAMES if name in ("terrain.file", "bodies.spawn") or name.startswith("raster.")}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,16 +109,14 @@ def _world_of_text(text: str, settings: Settings, *, name: str, folder: Path = P
         if isinstance(error, InputError):
             raise
         raise InputError("world", f"world {name!r} is no YAML: {str(error)[:300]}") from None
-    known = {key: checked_value(spec, given[key]) for key, spec in ELEMENTS.items() if key in given}
-    raster = {key.removeprefix(RASTER): value for key, value in known.items() if key.startswith(RASTER)}
-    fields: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in raster.items()}
-    terrain, spawn = known.get("terrain.file", ""), known.get("bodies.spawn", [])
-    if not terrain and not spawn:
+    known = {key: given[key] for key in ELEMENTS & given.keys()}
+    made = with_values(replace(settings, file="", spawn=()), known)
+    if not made.file and not made.spawn:
         words = f"it must be a parameter file (/**: {PARAMETERS}: ...) with terrain.file or bodies.spawn"
         raise InputError("world", f"world {name!r} has neither ground nor bodies; {words}")
     return WorldFile(
-        name=name, text=text, folder=folder, terrain=terrain, raster=replace(settings.raster, **fields),
-        bodies=entries_from(spawn), ignored=tuple(sorted(given.keys() - ELEMENTS.keys())),
+        name=name, text=text, folder=folder, terrain=made.file, raster=made.raster,
+        bodies=entries_from(made.spawn), ignored=tuple(sorted(given.keys() - ELEMENTS)),
     )  # fmt: skip
 
 
