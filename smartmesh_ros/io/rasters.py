@@ -45,8 +45,8 @@ class RasterConfig:
 
     ``layer``: layer of a grid map with the heights. ``variance_layer``: layer with their variances [m^2 before
     scaling], empty = none. ``material_layers``: those of the ground's material, as "friction=slip" for the friction in
-    the layer slip, or "friction" if it has the same name. ``resolution`` [m], ``origin`` (x, y, z) [m] of the sample in
-    the bottom left corner, and ``yaw`` [rad]: of images and plain files.
+    the layer slip, or "friction" if it has the same name. ``resolution`` [m], and ``origin`` (x, y, z) [m] of the sample
+    in the bottom left corner: of images and plain files.
     ``first_row``: their first row is at the top (the largest y) or at the bottom. ``zero_is_hole``: zero means no
     ground in images and plain files.
     """
@@ -58,12 +58,11 @@ class RasterConfig:
     offset: float = 0.0
     resolution: float = 0.1
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    yaw: float = 0.0
     first_row: FirstRow = "top"
     zero_is_hole: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("scale", "offset", "yaw"):
+        for name in ("scale", "offset"):
             if not math.isfinite(getattr(self, name)):
                 raise InputError("parameter", f"{name} is {getattr(self, name)}; it must be a finite number")
         if len(self.origin) != 3 or not all(math.isfinite(value) for value in self.origin):
@@ -103,9 +102,7 @@ def from_image(values: NDArray[Any], config: RasterConfig) -> Raster:
     if config.first_row == "top":
         heights = heights[::-1]
     rows, columns = heights.shape
-    geometry = GridGeometry(
-        rows=rows, columns=columns, resolution=config.resolution, origin=config.origin, yaw=config.yaw
-    )
+    geometry = GridGeometry(rows=rows, columns=columns, resolution=config.resolution, origin=config.origin)
     return Raster(geometry, np.ascontiguousarray(heights))
 
 

@@ -7,51 +7,39 @@ allowed folder, after symbolic links are resolved. Files of visuals are never op
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from smartmesh_ros.errors import InputError, listed
 from smartmesh_ros.world.robots.description import is_text, named_file, read_description
 from smartmesh_ros.world.robots.quantities import check_quantities
 
-
-@dataclass(frozen=True, kw_only=True)
-class UrdfRules:
-    """``folders``: allowed for descriptions and meshes. ``longest``: maximum length of a description [bytes].
-    ``most_links``: maximum number of links of a robot."""
-
-    folders: tuple[Path, ...]
-    longest: int = 10_000_000
-    most_links: int = 1000
-
-
+# Maximum length of a description [bytes], and number of links of a robot.
+LONGEST, MOST_LINKS = 10_000_000, 1000
 # Most allowed folders that a refusal names.
 MOST_FOLDERS = 3
 
 
-def checked_urdf(urdf: str, rules: UrdfRules) -> str:
-    """Return a description that is safe to load: the text itself, or the resolved path of its file.
-
-    Raises `InputError`.
-    """
-    if is_text(urdf):
-        _require_length(len(urdf), rules)
-    else:
-        path = require_inside(Path(urdf), rules.folders, f"URDF file {urdf!r}")
+def checked_urdf(urdf: str, folders: Sequence[Path]) -> str:
+    """Return a description that is safe to load: the text itself, or the resolved path of its file, which must be in
+    one of the allowed ``folders``, as its meshes must. Raises `InputError`."""
+    length = len(urdf)
+    if not is_text(urdf):
+        path = require_inside(Path(urdf), folders, f"URDF file {urdf!r}")
         if not path.is_file():
             raise InputError("urdf", f"there is no URDF file {urdf!r}")
-        _require_length(path.stat().st_size, rules)
-        urdf = str(path)
+        urdf, length = str(path), path.stat().st_size
+    if length > LONGEST:
+        raise InputError("size", f"the URDF has {length} bytes; the maximum is {LONGEST}")
     robot = read_description(urdf)
-    if len(robot.links) > rules.most_links:
-        raise InputError("size", f"the URDF has {len(robot.links)} links; the maximum is {rules.most_links}")
+    if len(robot.links) > MOST_LINKS:
+        raise InputError("size", f"the URDF has {len(robot.links)} links; the maximum is {MOST_LINKS}")
     check_quantities(robot)
     for link in robot.links:
         for collision in robot.collisions(link):
             for mesh in collision.iter("mesh"):
                 name = mesh.get("filename", "")
                 named = named_file(name, robot.folder)
-                require_inside(named, rules.folders, f"the URDF names the file {name!r}, which")
+                require_inside(named, folders, f"the URDF names the file {name!r}, which")
     return urdf
 
 
@@ -74,8 +62,3 @@ def _resolved(path: Path) -> Path:
     except (OSError, RuntimeError, ValueError) as error:
         raise InputError("urdf", f"{str(path)[:200]!r} is not a path: {error}") from None
     return resolved
-
-
-def _require_length(length: int, rules: UrdfRules) -> None:
-    if length > rules.longest:
-        raise InputError("size", f"the URDF has {length} bytes; the maximum is {rules.longest}")

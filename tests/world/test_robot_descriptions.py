@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from smartmesh_ros import BodyState, InputError, JointCommand, Sphere, World
-from smartmesh_ros.io.urdf import UrdfRules, checked_urdf
+from smartmesh_ros.io.urdf import checked_urdf
 from smartmesh_ros.world.robots.prepared import prepare_robot
 from smartmesh_ros.world.robots.workshop import WORKSHOP
 from tests.urdfs import joint, link, mesh, robot
@@ -186,13 +186,15 @@ def test_a_joint_that_mimics_another_follows_it(
 
 
 @pytest.fixture
-def rules(tmp_path: Path) -> UrdfRules:
+def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     """Robots may come from ``tmp_path/robots``; ``tmp_path/secret.obj`` lies outside."""
     folder = tmp_path / "robots"
     folder.mkdir()
     (folder / "part.obj").write_text("o part\n")
     (tmp_path / "secret.obj").write_text("o secret\n")
-    return UrdfRules(folders=(folder,), longest=2000, most_links=3)
+    monkeypatch.setattr("smartmesh_ros.io.urdf.LONGEST", 2000)
+    monkeypatch.setattr("smartmesh_ros.io.urdf.MOST_LINKS", 3)
+    return [folder]
 
 
 @pytest.mark.parametrize(
@@ -204,27 +206,27 @@ def rules(tmp_path: Path) -> UrdfRules:
         ("file://%2e./secret.obj", False), ("link.obj", False), ("/etc/passwd", False), ("x/../../secret.obj", False),
     ],
 )  # fmt: skip
-def test_meshes_are_taken_from_the_folders_alone(rules: UrdfRules, tmp_path: Path, name: str, inside: bool) -> None:
-    folder = rules.folders[0]
+def test_meshes_are_taken_from_the_folders_alone(folders: list[Path], tmp_path: Path, name: str, inside: bool) -> None:
+    folder = folders[0]
     (folder / "x").mkdir()
     (folder / "link.obj").symlink_to(tmp_path / "secret.obj")
     file = folder / "robot.urdf"
     file.write_text(robot(link("a", mesh(name.format(folder=folder, outside=tmp_path)))))
     if inside:
-        assert checked_urdf(str(file), rules) == str(file.resolve())
-        assert checked_urdf(robot(link("a", mesh(folder / "part.obj"))), rules)
+        assert checked_urdf(str(file), folders) == str(file.resolve())
+        assert checked_urdf(robot(link("a", mesh(folder / "part.obj"))), folders)
         return
     with pytest.raises(InputError) as refused:
-        checked_urdf(str(file), rules)
+        checked_urdf(str(file), folders)
     assert refused.value.reason == "folder"
 
 
-def test_descriptions_outside_the_folders_are_refused_whether_there_or_not(rules: UrdfRules, tmp_path: Path) -> None:
+def test_descriptions_outside_the_folders_are_refused_whether_there_or_not(folders: list[Path], tmp_path: Path) -> None:
     (tmp_path / "robot.urdf").write_text(robot(A))
-    (rules.folders[0] / "link.urdf").symlink_to(tmp_path / "robot.urdf")
+    (folders[0] / "link.urdf").symlink_to(tmp_path / "robot.urdf")
     for name in ("robot.urdf", "nothing.urdf", "robots/../robot.urdf", "robots/link.urdf", "robots2/robot.urdf"):
         with pytest.raises(InputError) as refused:
-            checked_urdf(str(tmp_path / name), rules)
+            checked_urdf(str(tmp_path / name), folders)
         assert refused.value.reason == "folder"  # and so nobody learns which files there are
 
 
@@ -239,18 +241,18 @@ def test_descriptions_outside_the_folders_are_refused_whether_there_or_not(rules
         (robot(link("a", at="0 0 1e200")), "xyz"), (robot(link("a", mesh("nothing.obj"))), "does not exist"),
     ],
 )  # fmt: skip
-def test_descriptions_that_cannot_be_are_refused(rules: UrdfRules, text: str, words: str) -> None:
+def test_descriptions_that_cannot_be_are_refused(folders: list[Path], text: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
-        checked_urdf(text, rules)
+        checked_urdf(text, folders)
 
 
-def test_a_light_frame_is_accepted(rules: UrdfRules, world: World) -> None:
+def test_a_light_frame_is_accepted(folders: list[Path], world: World) -> None:
     """NASA's Valkyrie has frames of 1e-7 kg; the robot stands as it does without the frame."""
     text = "<!-- a comment is no entity -->" + robot(
         link("a", '<box size="0.2 0.2 0.2"/>', 1.0, 0.01), link("b", "", 1e-7, 1e-9),
         joint("j", "fixed", "a", "b", xyz="0 0 0"),
     )  # fmt: skip
-    assert checked_urdf(text, rules) == text
+    assert checked_urdf(text, folders) == text
     world.spawn_robot("robot", text, BodyState(), on_ground=True)
     world.step(240)
     assert world.state("robot").position[2] == pytest.approx(0.1, abs=1e-3)

@@ -13,7 +13,7 @@ import pybullet_data
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.files import expanded
-from smartmesh_ros.io.urdf import UrdfRules, checked_urdf, require_inside
+from smartmesh_ros.io.urdf import checked_urdf, require_inside
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.services.turns import NextTurn
 from smartmesh_ros.world.robots.description import ament_prefixes, is_text, package_folder, xml_of
@@ -93,8 +93,8 @@ class FileWork:
 
     async def prepared(self, urdf: str, settings: Settings) -> PreparedRobot:
         """Return the robot of a URDF text or path that a peer sent. Raises `InputError`."""
-        rules = UrdfRules(folders=allowed_folders(settings))
-        return await self.done(lambda: prepare_robot(checked_urdf(with_package_paths(urdf), rules)))
+        folders = allowed_folders(settings)
+        return await self.done(lambda: prepare_robot(checked_urdf(with_package_paths(urdf), folders)))
 
     def close(self) -> None:
         self._threads.shutdown(wait=False, cancel_futures=True)
