@@ -45,8 +45,8 @@ class RasterConfig:
 
     ``layer``: layer of a grid map with the heights. ``variance_layer``: layer with their variances [m^2 before
     scaling], empty = none. ``material_layers``: those of the ground's material, as "friction=slip" for the friction in
-    the layer slip, or "friction" if it has the same name. ``resolution`` [m], and ``origin`` (x, y, z) [m] of the sample
-    in the bottom left corner: of images and plain files.
+    the layer slip, or "friction" if it has the same name. ``resolution`` [m], and ``origin`` (x, y, z) [m] of the
+    sample in the bottom left corner: of images and plain files.
     ``first_row``: their first row is at the top (the largest y) or at the bottom. ``zero_is_hole``: zero means no
     ground in images and plain files.
     """

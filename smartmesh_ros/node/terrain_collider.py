@@ -128,7 +128,7 @@ class Collider:
         """Runs ``count`` steps of the paused physics in turns, and publishes the last state; raises `InputError` if the
         physics is running, or another call ends the pause."""
         session = self.session
-        for part in parts_of(max(count, 1), STEPS_A_TURN):
+        for part in parts_of(count, STEPS_A_TURN):
             if part.start:
                 await NextTurn()
             with session.lock:

@@ -21,7 +21,7 @@ from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.node.timing.stamps import stamp_seconds
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.surface_query import checked_points, checked_rays, ground_samples
-from smartmesh_ros.world.body_rays import RayHits, cast_rays, require_bodies
+from smartmesh_ros.world.body_rays import cast_rays, require_bodies
 from smartmesh_ros.world.standing import NO_TERRAIN
 
 # Largest difference between the instant of a question and now [s].
@@ -138,7 +138,7 @@ class GroundServices:
             with self._session.lock:
                 parts.append(ground_samples(self._session.world.terrain, points_w[part], asked.time))
             await NextTurn()
-        z, normals, velocities, ages, _ = _joined(parts, ((), (3,), (3,), (), ()))
+        z, normals, velocities, ages, _ = map(np.concatenate, zip(*parts, strict=True))
         response.z = doubles(z - asked.transform.translation[2])
         response.normals, response.velocities = (doubles(asked.vectors(values)) for values in (normals, velocities))
         response.ages, response.header = doubles(ages), asked.header
@@ -156,30 +156,18 @@ class GroundServices:
         rays = checked_rays(starts, ways, request.range)
         through = set(request.through)
         require_bodies(through, world.bodies)
-        parts, names = [], []
+        parts = []
         for part in parts_of(len(rays.origins), RAYS_IN_TURN):
             with self._session.lock:
                 found = cast_rays(world.client, world.bodies, world.ground.rays, rays.part(part), asked.time, through)
-            parts.append((found.distances, found.normals))
-            names += names_of(found)
+            met = np.array([*found.names, ""], object)[found.hits]  # -1 is the last
+            parts.append((found.distances, found.normals, met))
             await NextTurn()
-        distances, normals = _joined(parts, ((), (3,)))
+        distances, normals, names = map(np.concatenate, zip(*parts, strict=True))
         response.distances, response.normals = doubles(distances), doubles(asked.vectors(normals))
-        response.hits, response.header = names, asked.header
-
-
-def names_of(found: RayHits) -> list[str]:
-    """Return what each ray meets by name, empty for nothing."""
-    names = np.array([*found.names, ""], object)  # -1 is the last
-    result: list[str] = names[found.hits].tolist()
-    return result
+        response.hits, response.header = names.tolist(), asked.header
 
 
 def _require_count(count: int, what: str) -> None:
     if count > MOST:
         raise InputError("size", f"{count} {what} in one call; at most {MOST} are possible")
-
-
-def _joined(parts: list[Any], shapes: tuple[tuple[int, ...], ...]) -> list[FloatArray]:
-    """Return the arrays of all parts, each joined along the first axis; ``shapes``: of one row of each."""
-    return [np.concatenate([np.empty((0, *shape)), *(part[k] for part in parts)]) for k, shape in enumerate(shapes)]

@@ -7,7 +7,7 @@ served, or refused with the standard's code.
 from __future__ import annotations
 
 import signal
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable
 from functools import partial
 from typing import Any
 
@@ -73,7 +73,7 @@ def serve_simulation_interfaces(session: Session, node: Any) -> None:
 
 
 class SimulationServices:
-    """Serves the features and the states of the simulation, its steps and resets."""
+    """Serves the features and the states of the simulation, its steps, also by an action, and resets."""
 
     def __init__(self, standard: Standard, node: Any) -> None:
         self._standard, self._session, self._node = standard, standard.session, node
@@ -83,9 +83,12 @@ class SimulationServices:
         standard.serve("SetSimulationState", self._set_state, _TRANSITION_REASONS)
         standard.serve("StepSimulation", lambda request, _: self._step(request.steps))
         standard.serve("ResetSimulation", self._reset)
-        kind = getattr(find_interfaces(PACKAGE, "action"), "SimulateSteps", None)
-        if kind is not None and isinstance(self._session.node, Node):
-            StepAction(self._session, self._step, kind, standard.messages.Result)
+        self._action: Any = getattr(find_interfaces(PACKAGE, "action"), "SimulateSteps", None)
+        if self._action is not None and isinstance(self._session.node, Node):
+            ActionServer(
+                self._session.node, self._action, f"~/{STEPS}", lambda _: None, handle_accepted_callback=self._accept,
+                cancel_callback=lambda _: CancelResponse.ACCEPT,
+            )  # fmt: skip
             standard.served.add("SimulateSteps")
 
     def _get_features(self, _: Any, response: Any) -> None:
@@ -151,25 +154,13 @@ class SimulationServices:
         self._node.reset(spawned=True)
         self._standard.infos.clear()
 
-
-class StepAction:
-    """Serves the action ``~/simulate_steps`` of this ``kind`` by calls of ``step``: steps of a paused simulation in
-    turns, with feedback after each, which can be cancelled. ``results``: the message class Result."""
-
-    def __init__(self, session: Session, step: Callable[[int], Awaitable[None]], kind: Any, results: Any) -> None:
-        self._session, self._step, self._kind, self._results = session, step, kind, results
-        node: Any = session.node
-        ActionServer(
-            node, kind, f"~/{STEPS}", lambda _: None, handle_accepted_callback=self._accept,
-            cancel_callback=lambda _: CancelResponse.ACCEPT,
-        )  # fmt: skip
-
     def _accept(self, goal: Any) -> None:
         self._session.handled += 1
         self._session.turns.add(Work(self._run(goal)), lambda end: goal.execute(partial(self._conclude, *end)))
 
     async def _run(self, goal: Any) -> tuple[str, str]:
-        """Do the steps of a goal; return how it ended, and why not well."""
+        """Do the steps of a goal of the action in turns, with feedback after each, until it is cancelled. Return how
+        it ended, and why not well."""
         session, count, done = self._session, goal.request.steps, 0
         try:
             if not count:
@@ -177,7 +168,7 @@ class StepAction:
             while done < count and not goal.is_cancel_requested:
                 await self._step(1)
                 done += 1
-                goal.publish_feedback(self._kind.Feedback(completed_steps=done, remaining_steps=count - done))
+                goal.publish_feedback(self._action.Feedback(completed_steps=done, remaining_steps=count - done))
                 await NextTurn()
             return ("succeed", "") if done == count else ("canceled", f"cancelled after {done} of {count} steps")
         except REFUSED as error:
@@ -187,7 +178,7 @@ class StepAction:
     def _conclude(self, end: str, words: str, goal: Any) -> Any:
         """Tell the client how its goal ended."""
         getattr(goal, end)()
-        result = self._kind.Result()
-        failed, ok = self._results.RESULT_OPERATION_FAILED, self._results.RESULT_OK
-        result.result.result, result.result.error_message = failed if words else ok, words
+        result, codes = self._action.Result(), self._standard.messages.Result
+        result.result.result = codes.RESULT_OPERATION_FAILED if words else codes.RESULT_OK
+        result.result.error_message = words
         return result

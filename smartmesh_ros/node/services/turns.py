@@ -25,8 +25,8 @@ class NextTurn:
 
 
 def parts_of(count: int, size: int) -> Iterator[slice]:
-    """Yield slices of up to ``size`` items that cover ``count`` items."""
-    for start in range(0, count, size):
+    """Yield slices of up to ``size`` items that cover ``count`` items; an empty one for none."""
+    for start in range(0, max(count, 1), size):
         yield slice(start, min(start + size, count))
 
 
