@@ -21,6 +21,19 @@ def publishers_on(node: Transport, topic: str) -> frozenset[bytes]:
     return frozenset(bytes(one.endpoint_gid) for one in node.get_publishers_info_by_topic(topic))
 
 
+# Name and type of the topic by which colliders are found.
+STATES, STATES_TYPE = "body_states", "smartmesh_msgs/msg/TrackedBodyArray"
+
+
+def colliders(node: Transport) -> list[str]:
+    """Return the full names of the colliders that a node has discovered."""
+    return sorted(
+        topic.removesuffix(f"/{STATES}")
+        for topic, kinds in node.get_topic_names_and_types()
+        if topic.endswith(f"/{STATES}") and STATES_TYPE in kinds and node.count_publishers(topic)
+    )
+
+
 class Clock(Protocol):
     """The time of a node."""
 

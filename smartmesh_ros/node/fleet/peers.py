@@ -22,6 +22,7 @@ from smartmesh_ros.node.inputs.conversions import require_distinct
 from smartmesh_ros.node.parameters.settings import AUTO, MOST_BODIES
 from smartmesh_ros.node.session import Session, require_name
 from smartmesh_ros.node.timing.stamps import StampClock, stamp_seconds
+from smartmesh_ros.node.transport import STATES, colliders
 from smartmesh_ros.world.state_table import StateTable
 
 # Fields of a TrackedBody after its name; they start at the next multiple of eight bytes.
@@ -106,17 +107,15 @@ def _names_in(content: bytes, count: int) -> list[str]:
     return names
 
 
-TOPIC = "body_states"
 # Period of the search for new peers [s].
 DISCOVERY_PERIOD = 1.0
 # Relative tolerance for equal gravity and rate, which messages hold in single precision.
 RELATIVE_TOLERANCE = 1e-5
-STATES_TYPE = "smartmesh_msgs/msg/TrackedBodyArray"
 
 
 def topic_of(peer: str) -> str:
     """Return the topic of a node's body states."""
-    return f"{peer}/{TOPIC}"
+    return f"{peer}/{STATES}"
 
 
 class _Peer:
@@ -191,18 +190,12 @@ class PeerBodies:
 
     def _discover(self) -> None:
         """Subscribe to new nodes, and unsubscribe from nodes that are gone."""
-        node = self._session.node
-        found = {
-            topic.removesuffix(f"/{TOPIC}")
-            for topic, kinds in node.get_topic_names_and_types()
-            if topic.endswith(f"/{TOPIC}")
-            and STATES_TYPE in kinds
-            and node.count_publishers(topic)
-            and topic not in self._session.topics.published
-        }
-        for name in sorted(found - self._peers.keys()):
-            self._listen(name)
-        for name in [name for name in self._peers.keys() - found if self._peers[name].heard is None]:
+        node, own = self._session.node, self._session.topics.published
+        found = [name for name in colliders(node) if topic_of(name) not in own]
+        for name in found:
+            if name not in self._peers:
+                self._listen(name)
+        for name in [name for name in self._peers.keys() - {*found} if self._peers[name].heard is None]:
             subscription = self._peers.pop(name).subscription
             self._session.subscriptions.remove(subscription)
             node.destroy_subscription(subscription)

@@ -31,11 +31,12 @@ from smartmesh_msgs.msg import TrackedBody
 from smartmesh_ros.errors import InputError, suggestion
 from smartmesh_ros.node.parameters.helping import own_arguments
 from smartmesh_ros.node.running import Stop, init
+from smartmesh_ros.node.transport import colliders
 from smartmesh_ros.startup.arguments import Parser, number
 from smartmesh_ros.startup.dds import use_large_message_profile
 from smartmesh_ros.startup.executables import STARTED_BY_NAME
 from smartmesh_ros.tools.client.parameters import parameter_from
-from smartmesh_ros.tools.client.remote import BEST, Remote, colliders
+from smartmesh_ros.tools.client.remote import BEST, Remote
 from smartmesh_ros.tools.client.robot_text import text_of
 from smartmesh_ros.tools.client.sight import KINDS
 from smartmesh_ros.tools.messages import pose_message

@@ -26,7 +26,7 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.transport import publishers_on
+from smartmesh_ros.node.transport import STATES, colliders, publishers_on
 from smartmesh_ros.tools.client.drawn_scene import drawn_scene
 from smartmesh_ros.tools.client.ground import MAPS, Ground
 from smartmesh_ros.tools.client.patch import PatchesMessage, read_patches
@@ -39,8 +39,6 @@ OUTPUTS: dict[str, Any] = {
 SERVICES = {
     "pause": SetBool, "step": StepPhysics, "reset": Trigger, "spawn_body": SpawnBody, "remove_bodies": RemoveBodies,
 }  # fmt: skip
-# Name and type of the topic by which nodes are found.
-STATES, STATES_TYPE = "body_states", "smartmesh_msgs/msg/TrackedBodyArray"
 # Topics of which only the newest message is shown, and the depth of the others' queues: every region and tile counts,
 # and at 60 Hz 200 last for 3 s.
 NEWEST, DEPTH = KINDS.keys() - {"odometry"}, 200
@@ -56,15 +54,6 @@ LARGE_MAP, LARGE_MAP_PERIOD = 16_000_000, 5.0
 REFUSED = "refused, "
 # Numbers of stored log lines and messages of ~/timing.
 LOG_LINES, TIMINGS = 6, 600
-
-
-def colliders(node: Node) -> list[str]:
-    """Return the full names of the colliders that a node has discovered."""
-    return sorted(
-        topic.removesuffix(f"/{STATES}")
-        for topic, kinds in node.get_topic_names_and_types()
-        if topic.endswith(f"/{STATES}") and STATES_TYPE in kinds and node.count_publishers(topic)
-    )
 
 
 class Remote:
