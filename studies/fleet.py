@@ -20,7 +20,7 @@ from rclpy.task import Future
 from smartmesh_msgs.msg import Timing
 
 from smartmesh_ros.node.fleet.command import FleetWatcher
-from smartmesh_ros.node.fleet.layout import WAVES, FleetPlan, node_names
+from smartmesh_ros.node.fleet.layout import commands, node_names
 from studies.load.processes import Usage
 from studies.pages import fill, short, table
 
@@ -48,9 +48,9 @@ def capacity(nodes: int, *, meet: bool) -> dict[str, Any]:
     # What is measured is how late nodes are: none is taken for dead for it.
     front = {"spread": "tiles", "tile_size": APART * SIDE, "timeout": 20.0}
     alone = {} if meet else {"bodies.peers": [NOBODY]}
-    plan = FleetPlan(count=nodes, source=WAVES, front=front, parameters={"bodies.timeout": 20.0, **alone})
+    parameters = {"bodies.timeout": 20.0, **alone}
     runs: list[dict[str, float]] = []
-    with site(plan) as (watcher, timings, machines):
+    with site(nodes, front, parameters) as (watcher, timings, machines):
         count, added = 0, START
         while count < MOST and (not runs or runs[-1]["real_time"] >= REAL_TIME - 0.05):
             watcher.spawn_balls(balls(added, count), 0.2)
@@ -179,24 +179,26 @@ def _ip(command: str) -> None:
 
 
 @contextmanager
-def site(plan: FleetPlan) -> Iterator[tuple[FleetWatcher, Timings, list[Machine]]]:
-    """Run a fleet whose processes are on a machine of their own each: the source of terrain, the front, and the
-    nodes. It begins when the front hears all nodes; yields what hears it, the timings of each node, and the machines of
-    the nodes."""
+def site(
+    count: int, front: dict[str, Any], parameters: dict[str, Any]
+) -> Iterator[tuple[FleetWatcher, Timings, list[Machine]]]:
+    """Run a fleet of ``count`` nodes, with parameters of the front and the nodes, whose processes are on a machine of
+    their own each: the source of terrain, the front, and the nodes. It begins when the front hears all nodes; yields
+    what hears it, the timings of each node, and the machines of the nodes."""
     with tempfile.TemporaryDirectory() as name, ExitStack() as stack:
         rclpy.init()
         stack.callback(rclpy.try_shutdown)
         watcher, machines, folder = FleetWatcher(), list[Machine](), Path(name)
         stack.callback(watcher.destroy_node)
-        timings: Timings = {node: [] for node in node_names(plan.count)}
+        timings: Timings = {node: [] for node in node_names(count)}
         for node, heard in timings.items():
             watcher.create_subscription(Timing, f"{node}/timing", heard.append, 10)
         try:
-            for number, (process, command) in enumerate(plan.commands(folder).items()):
+            for number, (process, command) in enumerate(commands(folder, count, front, parameters).items()):
                 machines.append(Machine(number, command, folder / f"{process}.txt"))
                 stack.callback(machines[-1].close)
-            watcher.wait_for(lambda: watcher.front.get("") == f"{plan.count} nodes", "fleet")
-            yield watcher, timings, machines[-plan.count :]
+            watcher.wait_for(lambda: watcher.front.get("") == f"{count} nodes", "fleet")
+            yield watcher, timings, machines[-count:]
         except BaseException:
             for log in sorted(folder.glob("*.txt")):
                 print(f"--- {log.name}\n{log.read_text(errors='replace')[-1500:]}", flush=True)

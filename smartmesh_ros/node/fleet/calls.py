@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from typing import Any, NamedTuple
 
+from geometry_msgs.msg import Point, Pose, Twist
 from rclpy.node import Node
 from rclpy.task import Future
 from smartmesh_msgs.msg import BodySpecification
 from smartmesh_msgs.srv import RemoveBodies, SpawnBodies
 
 from smartmesh_ros.ground.quaternions import rotate
+from smartmesh_ros.ground.transform import added
 from smartmesh_ros.node.fleet.ledger import FleetBody
 from smartmesh_ros.node.fleet.peers import topic_of
 from smartmesh_ros.node.inputs.conversions import primitive_of
+from smartmesh_ros.node.outputs.body_outputs import quaternion_message, vector_message
 from smartmesh_ros.node.session import SERVICES
 from smartmesh_ros.node.transport import publishers_on
 
@@ -81,17 +84,15 @@ def specification_of(lost: FleetBody) -> BodySpecification:
     (states, row), known = lost.lost, lost.request
     if states is None:
         return known
-    body = BodySpecification(id=lost.name)
     numbers = states.numbers[row].tolist()
+    position, orientation = numbers[:3], numbers[3:7]
+    body = BodySpecification(id=lost.name)
     if known is not None and known.urdf:
         body.urdf = known.urdf
     else:  # shapes are spawned at their geometric centre
         body.shape, body.mass = primitive_of(states.shape(row)), float(states.masses[row])
-        away = rotate(numbers[3:7], states.centres[row].tolist())
-        numbers[:3] = [value + by for value, by in zip(numbers[:3], away, strict=True)]
-    orientation = body.pose.orientation
-    orientation.x, orientation.y, orientation.z, orientation.w = numbers[3:7]
-    vectors = (body.pose.position, numbers[:3]), (body.twist.linear, numbers[7:10]), (body.twist.angular, numbers[10:])
-    for vector, values in vectors:
-        vector.x, vector.y, vector.z = values
+        position = added(position, rotate(orientation, states.centres[row].tolist()))
+    x, y, z = position
+    body.pose = Pose(position=Point(x=x, y=y, z=z), orientation=quaternion_message(orientation))
+    body.twist = Twist(linear=vector_message(numbers[7:10]), angular=vector_message(numbers[10:]))
     return body

@@ -23,7 +23,7 @@ from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification, Timing
 from smartmesh_msgs.srv import SpawnBodies
 
-from smartmesh_ros.node.fleet.layout import WAVES, FleetPlan, front_of
+from smartmesh_ros.node.fleet.layout import commands, front_of
 from smartmesh_ros.node.parameters.settings import MOST_BODIES
 from smartmesh_ros.node.running import Stop, init
 from smartmesh_ros.startup.arguments import Parser, number
@@ -101,16 +101,17 @@ def processes(commands: dict[str, list[str]]) -> Iterator[dict[str, subprocess.P
                 process.wait()
 
 
-def run(plan: FleetPlan, bodies: int, seconds: float) -> None:
-    """Run a fleet with ``bodies`` balls for ``seconds`` [s], printing a line a second."""
+def run(nodes: int, front: dict[str, str], bodies: int, seconds: float) -> None:
+    """Run a fleet of ``nodes``, whose front has some parameters, with ``bodies`` balls for ``seconds`` [s], printing a
+    line a second."""
     init()
     watcher, last = FleetWatcher(), {"timing": Timing()}
     watcher.create_subscription(Timing, f"{front_of()}/timing", partial(last.__setitem__, "timing"), 10)
     Stop()  # the first signal raises KeyboardInterrupt; later ones leave the processes the time to end
     try:
-        with tempfile.TemporaryDirectory() as name, processes(commands := plan.commands(Path(name))) as running:
-            print(f"starting {plan.count} nodes ...", flush=True)
-            watcher.wait_for(lambda: watcher.front.get("") == f"{plan.count} nodes", "fleet")
+        with tempfile.TemporaryDirectory() as name, processes(made := commands(Path(name), nodes, front)) as running:
+            print(f"starting {nodes} nodes ...", flush=True)
+            watcher.wait_for(lambda: watcher.front.get("") == f"{nodes} nodes", "fleet")
             watcher.spawn_balls(grid(bodies), RADIUS)
             end, due = monotonic() + seconds, 0.0
             while monotonic() < end:
@@ -118,7 +119,7 @@ def run(plan: FleetPlan, bodies: int, seconds: float) -> None:
                 for ended, process in running.items():
                     if process.poll() is not None:
                         print(f"{ended} ended with exit code {process.returncode}; restarting it", flush=True)
-                        running[ended] = subprocess.Popen(commands[ended])
+                        running[ended] = subprocess.Popen(made[ended])
                 if monotonic() >= due:
                     due = monotonic() + 1.0
                     known = watcher.front.items()
@@ -145,6 +146,6 @@ def main(args: list[str] | None = None) -> None:
     parser.add_argument("--respawn", choices=("elsewhere", "same"), default="elsewhere", help="bodies of a dead node")
     options = parser.parse_args(args)
     use_large_message_profile()
-    plan = FleetPlan(count=options.nodes, source=WAVES, front={"spread": options.spread, "respawn": options.respawn})
     with isolated_unless_chosen():
-        run(plan, options.bodies, options.seconds)
+        front = {"spread": options.spread, "respawn": options.respawn}
+        run(options.nodes, front, options.bodies, options.seconds)

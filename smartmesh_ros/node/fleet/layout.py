@@ -6,7 +6,6 @@ Used by the launch file and by ``smartmesh-fleet``. Imports nothing of ROS but i
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -58,29 +57,23 @@ def source_remappings(namespace: str = "") -> list[tuple[str, str]]:
     return [(f"{COLLIDER}/{topic}", f"{front_of(namespace)}/{topic}") for topic in ("heightmap", "heightmap_update")]
 
 
-@dataclass(frozen=True, kw_only=True)
-class FleetPlan:
-    """A fleet of ``count`` nodes. ``parameters`` are for all nodes, ``front`` and ``source`` for the front and for
-    terrain_source. The commands read parameter files that are written into a ``folder``."""
-
-    count: int
-    parameters: dict[str, Any] = field(default_factory=dict)
-    front: dict[str, Any] = field(default_factory=dict)
-    source: dict[str, Any] = field(default_factory=dict)
-
-    def commands(self, folder: Path) -> dict[str, list[str]]:
-        """Return the commands of all processes by name: ``source``, ``front``, ``node_<index>``."""
-        front = {"nodes": node_names(self.count), **self.front}
-        found = {
-            "source": _command("terrain_source", [_file(folder / "source.yaml", self.source)], source_remappings()),
-            "front": _command("fleet_front", [_file(folder / "front.yaml", front)]),
-        }
-        preset = Path(get_package_prefix(PACKAGE)) / "share" / PACKAGE / "config" / f"{PRESET}.yaml"
-        for index in range(self.count):
-            own = _file(folder / f"node_{index}.yaml", {**parameters_of(index, self.count), **self.parameters})
-            names = [("__ns", namespace_of(index)), *remappings()]
-            found[f"node_{index}"] = _command(COLLIDER, [preset, own], names)
-        return found
+def commands(
+    folder: Path, count: int, front: dict[str, Any], parameters: dict[str, Any] | None = None
+) -> dict[str, list[str]]:
+    """Return the commands of the processes of a fleet of ``count`` nodes by name: ``source``, ``front``,
+    ``node_<index>``. They read parameter files that are written into a ``folder``. ``front``, ``parameters``: of the
+    front and of all nodes, beside their own."""
+    known = {"nodes": node_names(count), **front}
+    found = {
+        "source": _command("terrain_source", [_file(folder / "source.yaml", WAVES)], source_remappings()),
+        "front": _command("fleet_front", [_file(folder / "front.yaml", known)]),
+    }
+    preset = Path(get_package_prefix(PACKAGE)) / "share" / PACKAGE / "config" / f"{PRESET}.yaml"
+    for index in range(count):
+        own = _file(folder / f"node_{index}.yaml", {**parameters_of(index, count), **(parameters or {})})
+        names = [("__ns", namespace_of(index)), *remappings()]
+        found[f"node_{index}"] = _command(COLLIDER, [preset, own], names)
+    return found
 
 
 def _file(path: Path, parameters: dict[str, Any]) -> Path:
