@@ -10,8 +10,8 @@ its centre starts that far above the ground. ``yaw`` [rad] is the turn about z.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -72,10 +72,8 @@ def _entry(found: dict[str, Any], _: int) -> Entry:
     """Return the entry of a mapping. Raises `InputError`."""
     urdf = str(found.get("urdf", ""))
     shape = None if urdf else shape_in(found)
-    with _refused("mass and yaw must be finite numbers"):
-        mass, yaw = _finite(found.get("mass", 1.0)), _finite(found.get("yaw", 0.0))
-    with _refused("it needs xyz: [x, y, z], or xy: [x, y] with clearance or above, all of them finite"):
-        place = _place(found)
+    mass, yaw = _finite([found.get("mass", 1.0), found.get("yaw", 0.0)], "mass and yaw must be finite numbers")
+    place = _place(found)
     if not isinstance(found.get("align", False), bool):
         raise InputError("parameter", f"align is {found['align']!r}; it must be true or false")
     if {"clearance", "align"} & found.keys() and {"xyz", "above"} & found.keys():
@@ -83,28 +81,21 @@ def _entry(found: dict[str, Any], _: int) -> Entry:
     return Entry(name_in(found, "id"), shape=shape, mass=mass, urdf=urdf, yaw=yaw, **place)
 
 
-@contextmanager
-def _refused(words: str) -> Iterator[None]:
-    """Raise `InputError` with ``words`` if the block cannot convert a value."""
-    try:
-        yield
-    except (KeyError, TypeError, ValueError, OverflowError):
-        raise InputError("parameter", words) from None
+def _place(found: dict[str, Any]) -> dict[str, Any]:
+    words = "it needs xyz: [x, y, z], or xy: [x, y] with clearance or above, all of them finite"
+    key, count = ("xyz", 3) if "xyz" in found else ("xy", 2)
+    given = found.get(key)
+    if not isinstance(given, list) or len(given) != count:
+        raise InputError("parameter", words)
+    *place, above, clearance = _finite([*given, found.get("above", 0.0), found.get("clearance", 0.0)], words)
+    known = {"above": above if "above" in found else None, "clearance": clearance, "align": found.get("align", False)}
+    return {key: tuple(place), **known}
 
 
-def _finite(value: Any) -> float:
-    """Return a finite number. Raises errors of Python, as for what is none."""
-    number = float(value)
-    if not math.isfinite(number):
-        raise ValueError
-    return number
-
-
-def _place(entry: dict[str, Any]) -> dict[str, Any]:
-    if "xyz" in entry:
-        x, y, z = map(_finite, entry["xyz"])
-        return {"xyz": (x, y, z)}
-    x, y = map(_finite, entry["xy"])
-    if "above" in entry:
-        return {"xy": (x, y), "above": _finite(entry["above"])}
-    return {"xy": (x, y), "clearance": _finite(entry.get("clearance", 0.0)), "align": entry.get("align", False)}
+def _finite(values: list[Any], words: str) -> list[float]:
+    """Return finite numbers; raises `InputError` with ``words`` if they are none."""
+    with suppress(TypeError, ValueError, OverflowError):
+        numbers = [float(value) for value in values]
+        if all(map(math.isfinite, numbers)):
+            return numbers
+    raise InputError("parameter", words)
