@@ -64,23 +64,6 @@ class EntityServices:
         serve("SetEntityState", self._set_state, _POSE_REASONS)
 
     async def _spawn(self, request: Any, response: Any) -> None:
-        response.entity_name = await self._spawn_entity(request)
-
-    async def _spawn_all(self, request: Any, response: Any) -> None:
-        failed = 0
-        for wanted in request.spawn_requests:
-            result, outcome = self._messages.SpawnResult(), None
-            try:
-                result.entity_name = await self._spawn_entity(wanted)
-            except REFUSED as error:
-                failed, outcome = failed + 1, error
-            self._standard.conclude(_SPAWN_REASONS, result, outcome)
-            response.results.append(result)
-        if failed:
-            raise InputError("entities", f"{failed} of {len(response.results)} entities are not spawned; see results")
-
-    async def _spawn_entity(self, request: Any) -> str:
-        """Spawn the entity of a request, and return its name. Raises `InputError`."""
         session = self._session
         given = _urdf_of(getattr(request, "entity_resource", request))
         if request.entity_namespace:
@@ -98,7 +81,20 @@ class EntityServices:
             body.initial = fixed_to(state, body.inertial)  # the pose is that of the base link
             session.world.move(name, body.initial)
             session.start_of(name, body.initial)
-        return name
+        response.entity_name = name
+
+    async def _spawn_all(self, request: Any, response: Any) -> None:
+        failed = 0
+        for wanted in request.spawn_requests:
+            result, outcome = self._messages.SpawnResult(), None
+            try:
+                await self._spawn(wanted, result)
+            except REFUSED as error:
+                failed, outcome = failed + 1, error
+            self._standard.conclude(_SPAWN_REASONS, result, outcome)
+            response.results.append(result)
+        if failed:
+            raise InputError("entities", f"{failed} of {len(response.results)} entities are not spawned; see results")
 
     def _free_name(self, wanted: str) -> str:
         """Return a name that no body has: the one that is ``wanted``, or else its beginning with a number."""
@@ -196,13 +192,12 @@ class EntityServices:
 
 
 def _urdf_of(resource: Any) -> str:
-    """Return the path of a resource's URI, or else its URDF text. Raises `InputError` if neither is URDF."""
+    """Return a resource's URI, or else its URDF text. Raises `InputError` if neither is URDF."""
+    urdf = str(resource.uri or resource.resource_string)
+    if not urdf:
+        raise InputError("no_resource", "both uri and resource_string are empty; give a URDF file or its text")
     if not resource.uri:
-        if not resource.resource_string:
-            raise InputError("no_resource", "both uri and resource_string are empty; give a URDF file or its text")
-        robot_name(resource.resource_string)  # must be URDF
-        return with_package_paths(resource.resource_string)
-    path = with_package_paths(resource.uri)
-    if not path.endswith(".urdf"):
-        raise InputError("urdf_format", f"{resource.uri!r} does not end in .urdf, the only supported format")
-    return path
+        robot_name(urdf)  # must be URDF
+    elif not with_package_paths(urdf).endswith(".urdf"):
+        raise InputError("urdf_format", f"{urdf!r} does not end in .urdf, the only supported format")
+    return urdf

@@ -75,6 +75,11 @@ def files_in(
     return sorted(path for path in found if path.is_file()), wrong
 
 
+def robot_of(urdf: str, settings: Settings) -> PreparedRobot:
+    """Return the robot of a URDF text or path that a peer sent. Raises `InputError`."""
+    return prepare_robot(checked_urdf(with_package_paths(urdf), allowed_folders(settings)))
+
+
 class FileWork:
     """Reads files and prepares robots, one after another in a thread."""
 
@@ -92,9 +97,7 @@ class FileWork:
             raise InputError("file", f"{error.filename!s:.200}: {error.strerror}") from None
 
     async def prepared(self, urdf: str, settings: Settings) -> PreparedRobot:
-        """Return the robot of a URDF text or path that a peer sent. Raises `InputError`."""
-        folders = allowed_folders(settings)
-        return await self.done(lambda: prepare_robot(checked_urdf(with_package_paths(urdf), folders)))
+        return await self.done(lambda: robot_of(urdf, settings))
 
     def close(self) -> None:
         self._threads.shutdown(wait=False, cancel_futures=True)

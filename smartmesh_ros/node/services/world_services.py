@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,10 +12,17 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.files import expanded
 from smartmesh_ros.node.parameters.settings import MOST_BODIES
 from smartmesh_ros.node.services.body_entries import Entry
-from smartmesh_ros.node.services.files import with_package_paths
+from smartmesh_ros.node.services.files import robot_of, with_package_paths
 from smartmesh_ros.node.services.standard import Standard
 from smartmesh_ros.node.services.turns import NextTurn
-from smartmesh_ros.node.services.world_files import WorldFile, folders_of_worlds, load_raster, world_of, worlds_in
+from smartmesh_ros.node.services.world_files import (
+    WorldFile,
+    folders_of_worlds,
+    load_raster,
+    world_of,
+    world_of_file,
+    worlds_in,
+)
 
 Found = TypeVar("Found")
 # Result code of LoadWorld by the reason of an `InputError`.
@@ -40,9 +47,7 @@ class WorldServices:
     def __init__(self, standard: Standard, node: Any) -> None:
         self._standard, self._session, self._node = standard, standard.session, node
         if file := standard.session.settings.file:
-            path = expanded(file).resolve()
-            raster = standard.session.settings.raster
-            standard.world = WorldFile(name=path.stem, uri=path.as_uri(), terrain=str(path), raster=raster)
+            standard.world = world_of_file(expanded(file).resolve(), standard.session.settings)
         standard.serve("LoadWorld", self._load, _LOADING)
         standard.serve("UnloadWorld", self._unload, _NO_WORLD)
         standard.serve("GetCurrentWorld", self._get_current, _NO_WORLD)
@@ -72,16 +77,10 @@ class WorldServices:
         notes: list[str] = []
         left = notes if request.ignore_missing_or_unsupported_assets else None
 
-        async def ground(path: Path) -> Any:
-            return await session.files.done(lambda: load_raster(path, world.raster, settings))
-
-        async def robot(path: Path) -> Any:
-            return await session.files.prepared(str(path), settings)
-
-        raster = await self._asset(world, world.terrain, ground, left) if world.terrain else None
+        raster = await self._asset(world, world.terrain, lambda path: load_raster(path, world.raster, settings), left)
         entries: dict[str, Entry] = {}
         for name, entry in world.bodies.items():
-            prepared = await self._asset(world, entry.urdf, robot, left) if entry.urdf else None
+            prepared = await self._asset(world, entry.urdf, lambda path: robot_of(str(path), settings), left)
             if prepared is not None or not entry.urdf:
                 entries[name] = replace(entry, robot=prepared)
         with session.lock:
@@ -95,15 +94,17 @@ class WorldServices:
         return world, [*notes, *(f"{name!r} is not there: {why.get(name, 'it waits for ground')}" for name in absent)]
 
     async def _asset(
-        self, world: WorldFile, name: str, load: Callable[[Path], Awaitable[Found]], left: list[str] | None
+        self, world: WorldFile, name: str, load: Callable[[Path], Found], left: list[str] | None
     ) -> Found | None:
-        """Return a file of a world; or None, and add why to ``left``, if it cannot be had. Raises `InputError` then if
-        ``left`` is None, or if the file is the whole world."""
+        """Return a file of a world, None without a ``name``; or None, and add why to ``left``, if it cannot be had.
+        Raises `InputError` then if ``left`` is None, or if the file is the whole world."""
+        if not name:
+            return None
         there = False
         try:
             path = world.folder / with_package_paths(name)
             there = os.path.exists(path)  # noqa: PTH110  # False for what is no path
-            return await load(path)
+            return await self._session.files.done(lambda: load(path))
         except InputError as error:
             if world.plain:
                 raise
