@@ -11,18 +11,12 @@ from typing import Any, TypeVar
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.files import expanded
 from smartmesh_ros.node.parameters.settings import MOST_BODIES
+from smartmesh_ros.node.services import world_files
 from smartmesh_ros.node.services.body_entries import Entry
 from smartmesh_ros.node.services.files import robot_of, with_package_paths
 from smartmesh_ros.node.services.standard import Standard
 from smartmesh_ros.node.services.turns import NextTurn
-from smartmesh_ros.node.services.world_files import (
-    WorldFile,
-    folders_of_worlds,
-    load_raster,
-    world_of,
-    world_of_file,
-    worlds_in,
-)
+from smartmesh_ros.node.services.world_files import WorldFile
 
 Found = TypeVar("Found")
 # Result code of LoadWorld by the reason of an `InputError`.
@@ -47,7 +41,7 @@ class WorldServices:
     def __init__(self, standard: Standard, node: Any) -> None:
         self._standard, self._session, self._node = standard, standard.session, node
         if file := standard.session.settings.file:
-            standard.world = world_of_file(expanded(file).resolve(), standard.session.settings)
+            standard.world = world_files.world_of_file(expanded(file).resolve(), standard.session.settings)
         standard.serve("LoadWorld", self._load, _LOADING)
         standard.serve("UnloadWorld", self._unload, _NO_WORLD)
         standard.serve("GetCurrentWorld", self._get_current, _NO_WORLD)
@@ -69,7 +63,7 @@ class WorldServices:
         """Load the world of a request; return it, and what is missing in it. Raises `InputError`."""
         session, settings, standard = self._session, self._session.settings, self._standard
         resource = getattr(request, "world_resource", request)
-        world = await session.files.done(lambda: world_of(resource, settings))
+        world = await session.files.done(lambda: world_files.world_of(resource, settings))
         if world.ignored and request.fail_on_unsupported_element:
             raise InputError("elements", f"parameters are no part of a world: {', '.join(world.ignored)}")
         if len(world.bodies) > MOST_BODIES:
@@ -77,7 +71,9 @@ class WorldServices:
         notes: list[str] = []
         left = notes if request.ignore_missing_or_unsupported_assets else None
 
-        raster = await self._asset(world, world.terrain, lambda path: load_raster(path, world.raster, settings), left)
+        raster = await self._asset(
+            world, world.terrain, lambda path: world_files.load_raster(path, world.raster, settings), left
+        )
         entries: dict[str, Entry] = {}
         for name, entry in world.bodies.items():
             prepared = await self._asset(world, entry.urdf, lambda path: robot_of(str(path), settings), left)
@@ -135,8 +131,10 @@ class WorldServices:
         if request.filter.tags:
             raise InputError("unsupported", "worlds have no tags here; leave the filter empty")
         sources = list(request.additional_sources)
-        worlds, wrong = await session.files.done(lambda: worlds_in(sources, settings))
-        gone = [f"there is no folder {folder}" for folder in folders_of_worlds(settings) if not folder.is_dir()]
+        worlds, wrong = await session.files.done(lambda: world_files.worlds_in(sources, settings))
+        gone = [
+            f"there is no folder {folder}" for folder in world_files.folders_of_worlds(settings) if not folder.is_dir()
+        ]
         words = "; ".join((*gone, *wrong))
         if words and not (request.continue_on_error and worlds):
             raise InputError("sources" if gone else "not_found", words)
