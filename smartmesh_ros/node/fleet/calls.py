@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from geometry_msgs.msg import Point, Pose, Twist
 from rclpy.node import Node
@@ -21,14 +21,6 @@ from smartmesh_ros.node.session import SERVICES
 from smartmesh_ros.node.transport import publishers_on
 
 
-class _Open(NamedTuple):
-    """A call that is not answered yet, and the publishers of its node's states when it was made."""
-
-    node: str
-    future: Future
-    publishers: frozenset[bytes]
-
-
 class Calls:
     """Clients of the body services of all nodes. Every call is for all its bodies or none, and returns the reasons of
     refusals by body: empty = done. A call to a node that dies or restarts, or does not serve yet, is refused."""
@@ -40,7 +32,8 @@ class Calls:
             for node in nodes
             for name, kind in (("spawn_bodies", SpawnBodies), ("remove_bodies", RemoveBodies))
         }
-        self._open: list[_Open] = []
+        # Of calls that are not answered yet: the node, and the publishers of its states when the call was made.
+        self._open: dict[Future, tuple[str, frozenset[bytes]]] = {}
 
     async def spawn(self, node: str, bodies: Sequence[BodySpecification]) -> dict[str, str]:
         return await self._call(node, SpawnBodies, [body.id for body in bodies], bodies=bodies)
@@ -51,9 +44,9 @@ class Calls:
     def give_up(self, died: Collection[str]) -> None:
         """End the open calls to nodes that ``died``, and to those that restarted: DDS has other publishers of their
         states."""
-        self._open = [call for call in self._open if not call.future.done()]
-        for node, future, publishers in self._open:
-            if node in died or publishers_on(self._front, topic_of(node)) != publishers:
+        for future, (node, publishers) in [*self._open.items()]:
+            ended = node in died or publishers_on(self._front, topic_of(node)) != publishers
+            if ended and not future.done():
                 future.set_result(None)
 
     async def _call(self, node: str, kind: Any, names: Sequence[str], **fields: Any) -> dict[str, str]:
@@ -62,8 +55,9 @@ class Calls:
             return dict.fromkeys(names, f"{node} serves no calls yet")
         publishers = publishers_on(self._front, topic_of(node))
         future = client.call_async(kind.Request(**fields))
-        self._open.append(_Open(node, future, publishers))
+        self._open[future] = node, publishers
         response = await future
+        del self._open[future]
         if response is None:
             return dict.fromkeys(names, f"{node} died before it answered")
         if not response.success and not response.failures:

@@ -107,17 +107,6 @@ class PublishRates:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RobotConfig:
-    """The robot of the parameters ``robot.*``. ``description``: URDF text or the path of a URDF file; empty = the robot
-    on ``~/robot_description``, if any. ``start``: its name and where it starts, as the one entry of ``bodies.spawn``.
-    """
-
-    description: str = ""
-    # A list, because `ros2 param load` fails on texts that are mappings of YAML.
-    start: tuple[str, ...] = ("{id: robot, xy: [0.0, 0.0], above: 0.5}",)
-
-
-@dataclass(frozen=True, kw_only=True)
 class Settings:
     """The values of all parameters, as the node uses them."""
 
@@ -132,7 +121,9 @@ class Settings:
     command_timeout: float = 0.5
     urdf_folders: tuple[str, ...] = ()
     raster: RasterConfig = field(default_factory=RasterConfig)
-    robot: RobotConfig = field(default_factory=RobotConfig)
+    robot_description: str = ""
+    # A list, because `ros2 param load` fails on texts that are mappings of YAML.
+    robot_start: tuple[str, ...] = ("{id: robot, xy: [0.0, 0.0], above: 0.5}",)
     simulation_interfaces: bool = False
     service_introspection: Introspection = "disabled"
     poses: tuple[BodySource, ...] = ()

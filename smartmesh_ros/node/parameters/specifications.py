@@ -30,7 +30,7 @@ _types: Callable[[Any], dict[str, Any]] = cache(get_type_hints)  # of a config's
 
 
 # Places in the settings of groups of parameters with other names; that of the others is their name.
-PLACES = {"physics": "world.physics.", "terrain": "motion.", "bodies": ""}
+PLACES = {"physics": "world.physics.", "terrain": "motion.", "bodies": "", "robot": "robot_"}
 
 
 def _param(

@@ -150,10 +150,10 @@ class RobotDescription:
         self._session, self._bodies = session, bodies
         self.urdf = ""
         self._received = self._applied = 0  # numbers of descriptions
-        self._entry = start_from(session.settings.robot.start)
-        if session.settings.robot.description:
+        self._entry = start_from(session.settings.robot_start)
+        if given := session.settings.robot_description:
             with naming("robot.description"):
-                self._take(prepare_robot(with_package_paths(session.settings.robot.description)))
+                self._take(prepare_robot(with_package_paths(given)))
         session.listen(String, "robot_description", self._on_description, LATCHED)
 
     def take_restored(self, *, described: bool) -> None:
