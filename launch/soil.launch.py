@@ -3,7 +3,7 @@
 from typing import Any
 
 from launch import LaunchDescription
-from smartmesh_ros.startup.launching import Values, argument, description, is_true, node, time_of
+from smartmesh_ros.startup.launching import Values, argument, description, is_true, own_node
 
 
 def soil(value: Values) -> dict[str, Any]:
@@ -16,7 +16,7 @@ def rover(value: Values) -> list[Any]:
     """Return the rover if it is asked for."""
     if not is_true(value, "rover"):
         return []
-    return [node(executable="rover", output="screen", namespace=value("namespace"), parameters=[time_of(value)])]
+    return [own_node(value, "rover")]
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -3,7 +3,7 @@
 from typing import Any
 
 from launch import LaunchDescription
-from smartmesh_ros.startup.launching import Values, description, node, scene_argument, time_of
+from smartmesh_ros.startup.launching import Values, description, own_node, scene_argument
 
 # Low and long waves, on which a robot with free wheels stays for minutes.
 WAVES = {"wave.amplitude": 0.1, "wave.number": 0.5, "wave.frequency": 2.0}
@@ -11,8 +11,7 @@ WAVES = {"wave.amplitude": 0.1, "wave.number": 0.5, "wave.frequency": 2.0}
 
 def source(value: Values) -> list[Any]:
     """Return the node terrain_source."""
-    parameters = {"scene": value("scene")} | WAVES | time_of(value)
-    return [node(executable="terrain_source", output="screen", namespace=value("namespace"), parameters=[parameters])]
+    return [own_node(value, "terrain_source", {"scene": value("scene")} | WAVES)]
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -43,14 +43,14 @@ def description(
 
     ``always``: a preset that is read before the user's preset. ``settings``: returns parameters of the collider for the
     values of the arguments, read before the user's preset too. ``remap``: pairs of a topic and the argument that holds
-    its new name. ``start``: returns further actions for the values of the arguments; creates nodes with `node`.
+    its new name. ``start``: returns further actions for the values of the arguments; creates nodes with `own_node`.
     """
 
     def nodes(value: Values) -> list[Any]:
         own = [] if settings is None else [settings(value)]
         files = [*parameter_files([always], ""), *own, *parameter_files([value("preset")], value("config"))]
         topics = [(topic, value(argument)) for topic, argument in remap]
-        collider = _collider(value, files, topics, namespace=value("namespace"))
+        collider = own_node(value, NODE, *files, remappings=topics)
         return [collider, *(() if start is None else start(value))]
 
     return _description([*_arguments(), *more], nodes)
@@ -94,26 +94,17 @@ def within(outer: str, namespace: str) -> str:
 
 def _fleet_nodes(value: Values) -> list[Any]:
     space, count = value("namespace"), _count(value, "nodes")
-    common: dict[str, Any] = {"output": "screen"}
-    level = ["--ros-args", "--log-level", value("log_level")]
     files = parameter_files([value("preset")], value("config"))
     nodes = []
     for index in range(count):
         own, its_space = fleet_layout.parameters_of(index, count, space), fleet_layout.namespace_of(index, space)
         topics = fleet_layout.remappings(space)
-        nodes.append(_collider(value, [*files, own], topics, namespace=its_space, respawn=True))
+        nodes.append(own_node(value, NODE, *files, own, namespace=its_space, remappings=topics, respawn=True))
     front = {"nodes": fleet_layout.node_names(count, space), "spread": value("spread"), "respawn": value("respawn")}
-    nodes.append(
-        node(**common, executable="fleet_front", namespace=space, parameters=[front | time_of(value)], arguments=level)
-    )
-    if value("scene"):
-        nodes.append(
-            node(
-                **common, executable="terrain_source", namespace=space,
-                parameters=[{"scene": value("scene")} | time_of(value)],
-                remappings=fleet_layout.source_remappings(space),
-            )
-        )  # fmt: skip
+    nodes.append(own_node(value, "fleet_front", front))
+    if scene := value("scene"):
+        topics = fleet_layout.source_remappings(space)
+        nodes.append(own_node(value, "terrain_source", {"scene": scene}, remappings=topics))
     return nodes
 
 
@@ -140,6 +131,14 @@ def node(*, package: str = PACKAGE, executable: str, hint: str = "build and sour
     if not there:
         raise FileNotFoundError(f"package {package} has no executable {executable}: {hint}")
     return Node(package=package, executable=executable, **more)
+
+
+def own_node(value: Values, executable: str, *parameters: Any, **more: Any) -> Any:
+    """Return a node of this package with ``parameters``, files and dictionaries, and what the common arguments say."""
+    return node(
+        executable=executable, output="screen", parameters=[*parameters, time_of(value)],
+        arguments=["--ros-args", "--log-level", value("log_level")], **{"namespace": value("namespace"), **more},
+    )  # fmt: skip
 
 
 def time_of(value: Values) -> dict[str, bool]:
@@ -205,14 +204,6 @@ def _settings_of_dds(value: Values) -> list[Any]:
     if not file.is_file():
         raise FileNotFoundError(f"there is no file {file} of Fast DDS settings; name one, or set dds:=''")
     return [SetEnvironmentVariable(VARIABLE, str(file)), SetEnvironmentVariable(POLICY_VARIABLE, "1")]
-
-
-def _collider(value: Values, files: Sequence[Any], remappings: Sequence[tuple[str, str]], **more: Any) -> Any:
-    """Return the node terrain_collider, with parameters of ``files``."""
-    return node(
-        executable=NODE, output="screen", parameters=[*files, time_of(value)],
-        remappings=remappings, arguments=["--ros-args", "--log-level", value("log_level")], **more,
-    )  # fmt: skip
 
 
 def _rviz(value: Values, shown: str) -> list[Any]:
