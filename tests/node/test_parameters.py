@@ -78,9 +78,8 @@ def check_descriptions(node: TerrainCollider) -> None:
 
 
 def values(node: TerrainCollider, names: Iterable[str]) -> dict[str, Any]:
-    """Values of parameters; an empty list arrives as nothing."""
-    found = {name: node.get_parameter(name).value for name in names}
-    return {name: [] if value is None else value for name, value in found.items()}
+    """Values of parameters."""
+    return {name: node.get_parameter(name).value for name in names}
 
 
 def dump_of(node: TerrainCollider) -> dict[str, Any]:

@@ -29,9 +29,8 @@ CLASSES = {
 LONGEST_SEARCH = 0.2
 
 
-def select(world: World, filters: Any, bounds: Any, info: Callable[[Body], Any]) -> list[str]:
-    """Return the names of the bodies that pass all filters. ``bounds``: the message class Bounds, for its constants.
-    ``info``: returns the EntityInfo message of a body.
+def select(world: World, filters: Any, info: Callable[[Body], Any]) -> list[str]:
+    """Return the names of the bodies that pass all filters. ``info``: returns the EntityInfo message of a body.
 
     The name filter is a regular expression, which is found in names as Python does. The bounds filter uses the
     axis-aligned bounds of bodies. Raises `InputError`, also if the search takes longer than `LONGEST_SEARCH`.
@@ -45,7 +44,7 @@ def select(world: World, filters: Any, bounds: Any, info: Callable[[Body], Any])
     except TimeoutError:
         words = f"takes longer than {LONGEST_SEARCH:g} s to search the names; repeat no group that repeats itself"
         raise InputError("filter", f"{filters.filter[:200]!r} {words}") from None
-    near = _bounds_filter(world, filters.bounds, bounds)
+    near = _bounds_filter(world, filters.bounds)
     categories = {wanted.category for wanted in filters.categories}
     names = []
     for body in found:
@@ -82,16 +81,16 @@ def _class(found: re.Match[str]) -> str:
     return CLASSES[found[1]]
 
 
-def _bounds_filter(world: World, wanted: Any, bounds: Any) -> Callable[[Body], bool]:
+def _bounds_filter(world: World, wanted: Any) -> Callable[[Body], bool]:
     """Return the test of the bounds of a body against a Bounds message. Raises `InputError`."""
-    if wanted.type == bounds.TYPE_EMPTY:
+    if wanted.type == wanted.TYPE_EMPTY:
         return lambda _: True
     points = np.array([(point.x, point.y, point.z) for point in wanted.points])
-    if wanted.type not in (bounds.TYPE_BOX, bounds.TYPE_SPHERE):
+    if wanted.type not in (wanted.TYPE_BOX, wanted.TYPE_SPHERE):
         raise InputError("unsupported", f"bounds of type {wanted.type} are not supported; use a box or sphere")
     if len(points) != 2 or not np.isfinite(points).all():
         raise InputError("geometry", "bounds must have two finite points: corners, or a centre and a radius")
-    box = wanted.type == bounds.TYPE_BOX
+    box = wanted.type == wanted.TYPE_BOX
     if not box and points[1, 0] < 0.0:
         raise InputError("geometry", f"the radius of a sphere is {points[1, 0]:g} m; it must be zero or more")
     low, high, reach = (points.min(axis=0), points.max(axis=0), 0.0) if box else (points[0], points[0], points[1, 0])

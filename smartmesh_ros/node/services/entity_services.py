@@ -47,7 +47,7 @@ class EntityServices:
 
     def __init__(self, standard: Standard, node: Any) -> None:
         self._standard, self._session, self._node = standard, standard.session, node
-        self._messages, self._bounds = standard.messages, standard.messages.Bounds
+        self._messages = standard.messages
         serve = standard.serve
         serve("SpawnEntity", self._spawn, _SPAWN_REASONS)
         serve("SpawnEntities", self._spawn_all, {"entities": "ENTITIES_SPAWN_FAILED"})
@@ -128,7 +128,7 @@ class EntityServices:
         raise InputError("unsupported", "named poses have no bounds here")
 
     def _get_entities(self, request: Any, response: Any) -> None:
-        response.entities = select(self._session.world, request.filters, self._bounds, self._info_of)
+        response.entities = select(self._session.world, request.filters, self._info_of)
 
     def _get_entities_states(self, request: Any, response: Any) -> None:
         self._get_entities(request, response)
@@ -139,7 +139,7 @@ class EntityServices:
     def _get_bounds(self, request: Any, response: Any) -> None:
         body = self._session.world.body(request.entity)
         low, high = (Vector3(x=x, y=y, z=z) for x, y, z in (corner.tolist() for corner in own_bounds(body)))
-        response.bounds.type, response.bounds.points = self._bounds.TYPE_BOX, [high, low]
+        response.bounds.type, response.bounds.points = response.bounds.TYPE_BOX, [high, low]
 
     def _get_info(self, request: Any, response: Any) -> None:
         response.info = self._info_of(self._session.world.body(request.entity))
