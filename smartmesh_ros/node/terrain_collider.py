@@ -258,11 +258,12 @@ class TerrainCollider(ParameterNode, Collider):
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, parameters.SPECS, **node_options)
         Collider.__init__(self, self, parameters.current_settings(self), NodeClock(self))
-        self.add_on_set_parameters_callback(
-            lambda changes: parameters.check_change(self, changes, self.require_possible)
-        )
         self.add_post_set_parameters_callback(self._on_parameters_set)
         parameters.announce(self, self.settings)
+
+    def require_together(self, new: Mapping[str, Any]) -> None:
+        """Raise `InputError` if the settings with these ``new`` values of parameters are impossible."""
+        self.require_possible(parameters.current_settings(self, new))
 
     def create_service(self, *arguments: Any, **options: Any) -> Any:
         """Create a service like rclpy, with the introspection that the parameter gives it."""

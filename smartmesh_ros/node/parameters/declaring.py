@@ -224,9 +224,14 @@ class ParameterNode(Node):
         """Set parameters like rclpy, each to a value of its type, with refusals that say what would be right."""
         try:
             checked_ones = [self._checked(one) for one in parameter_list]
+            self.require_together({one.name: one.value for one in checked_ones})
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return super().set_parameters_atomically(checked_ones)
+
+    def require_together(self, new: Mapping[str, Any]) -> None:
+        """Raise `InputError` if ``new`` values of parameters do not go with those of the others, in a node where this
+        may be."""
 
     def _checked(self, given: Parameter) -> Parameter:
         """Return a parameter to set, with a value of its type. Raises `InputError`."""

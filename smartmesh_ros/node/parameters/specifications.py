@@ -7,11 +7,10 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial, reduce
+from types import MappingProxyType
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError, naming
 from smartmesh_ros.io.files import expanded
@@ -205,29 +204,14 @@ def _with(config: ConfigT, tree: Mapping[str, Any]) -> ConfigT:
     return replace(config, **changes)  # type: ignore[type-var]
 
 
-def current_settings(node: ParameterNode, changes: Sequence[Parameter] = ()) -> Settings:
-    """Return the settings for the current values of the parameters and for ``changes`` of some; raises `InputError` if
+def current_settings(node: ParameterNode, new: Mapping[str, Any] = MappingProxyType({})) -> Settings:
+    """Return the settings for the current values of the parameters and ``new`` ones of some; raises `InputError` if
     these are invalid together."""
-    new = {change.name: change.value for change in changes}
     settings = settings_from({**node.values, **new})
     if settings.publish.clock > 0.0 and new.get("use_sim_time", node.get_parameter("use_sim_time").value):
         words = "publish.clock makes this node the source of /clock, use_sim_time makes it follow another"
         raise InputError("parameter", f"{words}; set one of them")
     return settings
-
-
-def check_change(
-    node: ParameterNode, changes: list[Parameter], check: Callable[[Settings], None]
-) -> SetParametersResult:
-    """Return whether all ``changes`` together are valid; for the on-set callback, which changes nothing itself.
-
-    ``check`` raises `InputError` if it rejects the resulting settings.
-    """
-    try:
-        check(current_settings(node, changes))
-    except InputError as error:
-        return SetParametersResult(successful=False, reason=str(error))
-    return SetParametersResult(successful=True)
 
 
 def announce(node: Node, settings: Settings) -> None:
