@@ -210,9 +210,7 @@ class PeerBodies:
                 stamp = stamp_seconds(new)
                 clock_now = session.clock_now()
                 if peer.clock.is_overtaken(stamp, clock_now, math.inf):  # older than the message before
-                    overtaken = InputError("overtaken", f"states of {name} arrived after newer ones")
-                    session.refusals.add(topic_of(name), overtaken)
-                    return
+                    raise InputError("overtaken", f"states of {name} arrived after newer ones")
                 placed = peer.clock.place(stamp, clock_now, session.time_at)
                 objections = self._session.world.guests.take(name, new.bodies, placed.time + new.ahead)
                 peer.clock.accept(placed)

@@ -73,11 +73,6 @@ def given_parameters(node: Node) -> Mapping[str, Parameter]:
     return given
 
 
-def nearest(name: str, specs: Sequence[Spec]) -> str:
-    """Return a hint that suggests the most similar known name; empty if no name is similar."""
-    return suggestion(name, [spec.name for spec in specs])
-
-
 def checked(values: Mapping[str, Any], specs: Sequence[Spec]) -> dict[str, Any]:
     """Return the values as `checked_value` does; raises `InputError` for the first invalid one."""
     return {spec.name: checked_value(spec, values[spec.name]) for spec in specs}
@@ -218,7 +213,8 @@ class ParameterNode(Node):
             self.values[spec.name] = value
         for stray in sorted(given_parameters(self)):
             if not self.has_parameter(stray) and not stray.startswith(QOS):
-                self.get_logger().warning(f"parameter {stray!r} is unknown and has no effect{nearest(stray, specs)}")
+                words = f"parameter {stray!r} is unknown and has no effect{suggestion(stray, self._specs)}"
+                self.get_logger().warning(words)
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters like rclpy, each to a value of its type, with refusals that say what would be right."""
@@ -237,7 +233,7 @@ class ParameterNode(Node):
         """Return a parameter to set, with a value of its type. Raises `InputError`."""
         name, spec = given.name, self._specs.get(given.name)
         if not self.has_parameter(name):
-            raise InputError("parameter", f"parameter {name!r} is unknown{nearest(name, [*self._specs.values()])}")
+            raise InputError("parameter", f"parameter {name!r} is unknown{suggestion(name, self._specs)}")
         if spec is None:  # of rclpy
             return given
         if spec.read_only:

@@ -159,7 +159,7 @@ SPECS = (
 )  # fmt: skip
 # The places of the parameters in the settings.
 FIELDS = {spec.name: spec.place for spec in SPECS}
-NAMES = frozenset(FIELDS)
+NAMES = FIELDS.keys()
 
 
 def settings_from(values: Mapping[str, Any]) -> Settings:

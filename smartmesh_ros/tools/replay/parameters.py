@@ -10,8 +10,8 @@ from typing import Any
 import yaml
 from ament_index_python.packages import get_package_share_directory
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.parameters.declaring import QOS, nearest
+from smartmesh_ros.errors import InputError, suggestion
+from smartmesh_ros.node.parameters.declaring import QOS
 from smartmesh_ros.node.parameters.helping import PARAMETERS, mismatch, parameters_by_node, pattern
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.parameters.specifications import NAMES, SPECS, settings_from
@@ -77,4 +77,4 @@ def require_known(names: Iterable[str]) -> None:
     """Raise `InputError` if a name is no parameter of the node."""
     for name in names:
         if name not in NAMES and name != "use_sim_time" and not name.startswith(QOS):
-            raise InputError("parameter", f"parameter {name!r} is unknown{nearest(name, SPECS)}")
+            raise InputError("parameter", f"parameter {name!r} is unknown{suggestion(name, NAMES)}")
