@@ -121,13 +121,8 @@ rover = partial(_start, "smartmesh_ros.tools.demo.rover", import_pybullet_quietl
 demo = partial(_start, "smartmesh_ros.tools.demo.demo", import_pybullet_quietly)
 view = partial(_start, "smartmesh_ros.tools.view.main", import_pybullet_quietly)
 
-# Executables that `smartmesh run` starts.
-STARTED_BY_NAME: dict[str, Callable[[], None]] = {
-    "terrain_collider": terrain_collider, "terrain_source": terrain_source, "terrain_sensor": terrain_sensor,
-    "terrain_score": terrain_score,
-    "fleet_front": fleet_front, "fleet": fleet, "replay": replay, "rover": rover, "demo": demo, "view": view,
-    "tune": tune,
-}  # fmt: skip
+# The executables, which `smartmesh run` starts by name.
+STARTED_BY_NAME = {name: start for name, start in globals().items() if isinstance(start, partial)}
 
 
 def smartmesh() -> None:

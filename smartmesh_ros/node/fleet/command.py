@@ -45,14 +45,13 @@ class FleetWatcher(Node):
         self._spawner = self.create_client(SpawnBodies, f"{front_of()}/spawn_bodies")
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 50)
 
-    def wait_for(self, condition: Callable[[], Any], what: str) -> float:
-        """Handle messages until the condition holds; return the time waited [s]. Raises `TimeoutError`."""
-        start = monotonic()
+    def wait_for(self, condition: Callable[[], Any], what: str) -> None:
+        """Handle messages until the condition holds. Raises `TimeoutError`."""
+        end = monotonic() + TIMEOUT
         while not condition():
-            if monotonic() > start + TIMEOUT:
+            if monotonic() > end:
                 raise TimeoutError(f"no {what} after {TIMEOUT:.0f} s; the front says {self.front}")
             rclpy.spin_once(self, timeout_sec=0.05)
-        return monotonic() - start
 
     def spawn_balls(self, balls: Iterable[tuple[str, float, float, float]], radius: float) -> None:
         """Spawn balls (name, x, y, z) [m] of a ``radius`` [m] through the front. Raises `RuntimeError` if refused."""
