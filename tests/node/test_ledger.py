@@ -22,7 +22,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.shapes import ShapeKind
 from smartmesh_ros.node.fleet.calls import Calls, specification_of
 from smartmesh_ros.node.fleet.front import Front
-from smartmesh_ros.node.fleet.ledger import Duties, FleetBody, LastState, Ledger, LedgerConfig
+from smartmesh_ros.node.fleet.ledger import Duties, FleetBody, Ledger, LedgerConfig
 from smartmesh_ros.node.session import SERVICES
 from smartmesh_ros.world.state_table import StateTable
 from tests.node.shared import made_with, wait_until
@@ -90,7 +90,7 @@ def test_a_box_whose_middle_is_not_its_centre_of_mass_is_spawned_again_where_it_
     states.numbers[0, :7] = (1.0, 2.0, 3.0, 0.0, 0.0, 0.5**0.5, 0.5**0.5)  # turned about z: x goes to y
     states.kinds[0] = ShapeKind.BOX
     states.centres[0] = (0.5, 0.0, 0.25)
-    position = specification_of(FleetBody("robot", "/a", lost=LastState(states))).pose.position
+    position = specification_of(FleetBody("robot", "/a", lost=True, last=(states, 0))).pose.position
     assert (position.x, position.y, position.z) == pytest.approx((1.0, 2.5, 3.25))
 
 

@@ -74,10 +74,10 @@ def same_as(request: Any) -> BodySpecification:
 
 def specification_of(lost: FleetBody) -> BodySpecification:
     """Return the specification that spawns a lost body in its last state. The joints of a robot start at zero."""
-    assert lost.lost is not None
-    (states, row), known = lost.lost, lost.request
-    if states is None:
+    known = lost.request
+    if lost.last is None:
         return known
+    states, row = lost.last
     numbers = states.numbers[row].tolist()
     position, orientation = numbers[:3], numbers[3:7]
     body = BodySpecification(id=lost.name)

@@ -31,11 +31,8 @@ class LedgerConfig:
     spawn_grace: float = 2.0
 
 
-class LastState(NamedTuple):
-    """The last known state of a body: a ``row`` of ``states``. None = the body was lost before its node reported it."""
-
-    states: StateTable | None
-    row: int = 0
+# A state of a body: a table, and the row in it.
+LastState = tuple[StateTable, int]
 
 
 @dataclass(eq=False)
@@ -53,14 +50,15 @@ class Member:
 @dataclass(eq=False)
 class FleetBody:
     """A body. ``node``: its node. ``request``: the request that spawned it; None if the front did not. ``spawn_time``
-    [s]: infinite while a spawn call is open, minus infinity once its node has reported it. ``lost``: its last known
-    state while it waits to be respawned, else None."""
+    [s]: infinite while a spawn call is open, minus infinity once its node has reported it. ``lost``: True while it
+    waits to be respawned; ``last``: its last known state then, None if it was lost before its node reported it."""
 
     name: str
     node: str
     request: Any = None
     spawn_time: float = -math.inf
-    lost: LastState | None = None
+    lost: bool = False
+    last: LastState | None = None
 
     @property
     def spawning(self) -> bool:
@@ -104,7 +102,7 @@ class Ledger:
     @property
     def waiting(self) -> list[str]:
         """Names of the bodies that wait to be respawned."""
-        return [name for name, entry in self.bodies.items() if entry.lost is not None]
+        return [name for name, entry in self.bodies.items() if entry.lost]
 
     def choose(self, name: str, x: float, y: float, request: Any = None) -> str:
         """Assign a new body that starts at ``x``, ``y`` [m] to a node; return the node. Raises `InputError` if the
@@ -122,9 +120,9 @@ class Ledger:
         entry = self.bodies[name]
         entry.spawn_time = time if success else -math.inf
         if success:
-            self.respawned += entry.lost is not None
-            entry.lost = None
-        elif entry.lost is None:
+            self.respawned += entry.lost
+            entry.lost = False
+        elif not entry.lost:
             del self.bodies[name]
 
     def node_of(self, name: str) -> str:
@@ -141,7 +139,7 @@ class Ledger:
         member.heard = time
 
     def update_states(self, node: str, states: StateTable) -> None:
-        self.members[node].last = {name: LastState(states, row) for row, name in enumerate(states.names)}
+        self.members[node].last = {name: (states, row) for row, name in enumerate(states.names)}
 
     def check(self, time: float) -> Duties:
         """Update which nodes live at ``time`` [s]; return the duties that follow."""
@@ -165,7 +163,7 @@ class Ledger:
         """Mark a body as lost, to be respawned, if its node died or restarted. Forget it if its node removed it, or
         died and neither the state nor the request is known."""
         member, died = self.members[entry.node], entry.node in duties.died
-        if entry.lost is not None or entry.spawning:
+        if entry.lost or entry.spawning:
             return
         if not died and (not member.alive or entry.name in member.last):
             return
@@ -175,7 +173,7 @@ class Ledger:
         if known is None and not (died and entry.request is not None):
             del self.bodies[entry.name]
             return
-        entry.lost, entry.spawn_time = known or LastState(None), -math.inf
+        entry.lost, entry.last, entry.spawn_time = True, known, -math.inf
         duties.lost.setdefault(entry.node, []).append(entry.name)
 
     def _compare(self, node: str, duties: Duties) -> None:
@@ -183,21 +181,21 @@ class Ledger:
         member = self.members[node]
         for name in member.last:
             entry = self.bodies.setdefault(name, FleetBody(name, node))
-            if entry.node != node and (entry.lost is None or entry.spawning):
+            if entry.node != node and (not entry.lost or entry.spawning):
                 duties.remove.append((node, name))
             elif not entry.spawning:  # also a lost body that came back
-                entry.node, entry.lost, entry.spawn_time = node, None, -math.inf
+                entry.node, entry.lost, entry.spawn_time = node, False, -math.inf
         member.before_silence = {}
 
     def _can_respawn(self, entry: FleetBody) -> bool:
         """Return True if a body is lost and a node can respawn it, which it is then assigned to."""
-        if entry.lost is None or entry.spawning:
+        if not entry.lost or entry.spawning:
             return False
         if not self.members[entry.node].alive:
             if self.config.respawn == "same" or not self.living:
                 return False
-            states, row = entry.lost
-            entry.node = self._choose(*((0.0, 0.0) if states is None else states.numbers[row, :2].tolist()))
+            x, y = entry.last[0].numbers[entry.last[1], :2].tolist() if entry.last else (0.0, 0.0)
+            entry.node = self._choose(x, y)
         entry.spawn_time = math.inf
         return True
 
