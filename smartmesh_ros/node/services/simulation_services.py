@@ -83,17 +83,18 @@ class SimulationServices:
         standard.serve("SetSimulationState", self._set_state, _TRANSITION_REASONS)
         standard.serve("StepSimulation", lambda request, _: self._step(request.steps))
         standard.serve("ResetSimulation", self._reset)
-        self._action: Any = getattr(find_interfaces(PACKAGE, "action"), "SimulateSteps", None)
-        if self._action is not None and isinstance(self._session.node, Node):
+        action_node = standard.session.node
+        self._actions: Any = find_interfaces(PACKAGE, "action") if isinstance(action_node, Node) else None
+        if (kind := getattr(self._actions, "SimulateSteps", None)) is not None:
             ActionServer(
-                self._session.node, self._action, f"~/{STEPS}", lambda _: None, handle_accepted_callback=self._accept,
+                action_node, kind, f"~/{STEPS}", lambda _: None, handle_accepted_callback=self._accept,
                 cancel_callback=lambda _: CancelResponse.ACCEPT,
             )  # fmt: skip
-            standard.served.add("SimulateSteps")
 
     def _get_features(self, _: Any, response: Any) -> None:
         features = response.features
-        served = (names for service, names in FEATURES.items() if service in self._standard.served)
+        kinds = self._standard.services, self._actions
+        served = (names for service, names in FEATURES.items() if any(hasattr(kind, service) for kind in kinds))
         features.features = [getattr(features, name) for names in served for name in names]
         features.spawn_formats = ["urdf"]
         features.custom_info = (
@@ -168,7 +169,8 @@ class SimulationServices:
             while done < count and not goal.is_cancel_requested:
                 await self._step(1)
                 done += 1
-                goal.publish_feedback(self._action.Feedback(completed_steps=done, remaining_steps=count - done))
+                counts = {"completed_steps": done, "remaining_steps": count - done}
+                goal.publish_feedback(self._actions.SimulateSteps.Feedback(**counts))
                 await NextTurn()
             return ("succeed", "") if done == count else ("canceled", f"cancelled after {done} of {count} steps")
         except REFUSED as error:
@@ -178,7 +180,7 @@ class SimulationServices:
     def _conclude(self, end: str, words: str, goal: Any) -> Any:
         """Tell the client how its goal ended."""
         getattr(goal, end)()
-        result, codes = self._action.Result(), self._standard.messages.Result
+        result, codes = self._actions.SimulateSteps.Result(), self._standard.messages.Result
         result.result.result = codes.RESULT_OPERATION_FAILED if words else codes.RESULT_OK
         result.result.error_message = words
         return result

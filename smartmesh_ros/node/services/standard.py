@@ -24,15 +24,14 @@ _REASONS = {
 class Standard:
     """Serves services by their names in the standard, and keeps what the standard knows of worlds.
 
-    ``services``, ``messages``: the modules of simulation_interfaces. ``served``: names of the services that the
-    installed package has. ``world``: the one that was loaded last; ``unloaded``: True if it was unloaded since;
-    ``loading``: True while one is loaded; ``stopped``: True if the simulation was stopped, and not paused since.
-    ``infos``: EntityInfo messages that clients set, by the names of entities, until the simulation begins again.
+    ``services``, ``messages``: the modules of simulation_interfaces. ``world``: the one that was loaded last;
+    ``unloaded``: True if it was unloaded since; ``loading``: True while one is loaded; ``stopped``: True if the
+    simulation was stopped, and not paused since. ``infos``: EntityInfo messages that clients set, by the names of
+    entities, until the simulation begins again.
     """
 
     def __init__(self, session: Session, services: Any, messages: Any) -> None:
         self.session, self.services, self.messages = session, services, messages
-        self.served: set[str] = set()
         self.world: WorldFile | None = None
         self.unloaded = self.loading = self.stopped = False
         self.infos: dict[str, Any] = {}
@@ -50,7 +49,6 @@ class Standard:
         of ``act``."""
         if (kind := getattr(self.services, name, None)) is None:
             return
-        self.served.add(name)
         service = re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
         self.session.serve(kind, service, act, partial(self.conclude, reasons))
 
