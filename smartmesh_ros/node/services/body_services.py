@@ -61,11 +61,10 @@ class BodyServices:
             what = await session.files.prepared(body.urdf, session.settings)
         else:
             what = conversions.shape_of_primitive(body.shape)
-        standing = {"on_ground": body.on_ground, "clearance": body.clearance, "align": body.align}
 
         def action() -> str:
             session.require_room([body.id])
-            add_to(session.world, body.id, what, body.mass, state, **standing)
+            add_to(session.world, body.id, what, state, body)
             return session.start_of(body.id, state, on_ground=body.on_ground)
 
         return action

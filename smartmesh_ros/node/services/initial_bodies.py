@@ -25,14 +25,14 @@ from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.world import World
 
 
-def add_to(
-    world: World, name: str, what: Shape | PreparedRobot, mass: float, state: BodyState, **standing: Any
-) -> None:
-    """Add a body, or a robot; ``standing``: options of `World.spawn`. Raises `InputError` if the world refuses it."""
+def add_to(world: World, name: str, what: Shape | PreparedRobot, state: BodyState, given: Any) -> None:
+    """Add a body, or a robot, that stands as its entry or specification ``given`` says. Raises `InputError` if the
+    world refuses it."""
+    standing = {"on_ground": given.on_ground, "clearance": given.clearance, "align": given.align}
     if isinstance(what, PreparedRobot):
         world.spawn_robot(name, what, state, **standing)
     else:
-        world.spawn(name, what, mass, state, **standing)
+        world.spawn(name, what, given.mass, state, **standing)
 
 
 class InitialBodies:
@@ -92,8 +92,7 @@ class InitialBodies:
             position = (*entry.xy, height + (entry.above or 0.0))
         if what is None or math.isnan(position[2]):
             return False
-        standing = {"on_ground": entry.on_ground, "clearance": entry.clearance, "align": entry.align}
-        add_to(world, entry.name, what, entry.mass, BodyState(position, about(Z, entry.yaw)), **standing)
+        add_to(world, entry.name, what, BodyState(position, about(Z, entry.yaw)), entry)
         self.starts[entry.name] = world.base_state(entry.name)
         return True
 
