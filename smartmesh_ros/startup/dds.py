@@ -104,16 +104,13 @@ def isolated_unless_chosen() -> Iterator[int]:
 def in_use(number: int) -> bool:
     """Return True if a process on this machine holds a UDP port of the domain, as a DDS participant does."""
     first = FIRST_PORT + PORTS * number
-    return not all(_is_free(port) for port in range(first, first + PORTS))
-
-
-def _is_free(port: int) -> bool:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.bind(("", port))
-        except OSError:
-            return False
-    return True
+    for port in range(first, first + PORTS):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(("", port))
+            except OSError:
+                return True
+    return False
 
 
 def _lock_free_domain() -> tuple[socket.socket, int]:

@@ -25,7 +25,7 @@ from smartmesh_ros.errors import InputError, listed
 from smartmesh_ros.node.fleet.calls import Calls, same_as, specification_of
 from smartmesh_ros.node.fleet.layout import FRONT, marker_namespace, node_names
 from smartmesh_ros.node.fleet.ledger import Duties, FleetBody, Ledger, LedgerConfig
-from smartmesh_ros.node.fleet.peers import NEWEST_QOS, PeerReader
+from smartmesh_ros.node.fleet.peers import NEWEST_QOS, PeerReader, topic_of
 from smartmesh_ros.node.inputs.conversions import require_once
 from smartmesh_ros.node.outputs.diagnostics import task_status
 from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
@@ -58,24 +58,24 @@ class _Never(ReentrantCallbackGroup):
 
 
 class Polled:
-    """A subscription of message type ``kind`` for which DDS keeps only the newest message.
+    """The subscription to the states of a ``node``, of which DDS keeps only the newest message.
 
     Nodes publish their states in every step. An executor that wakes for each message spends more time on that than on
     reading the few that are needed. rclpy has no public way to take a message without an executor, so the subscription
     is kept from the executors by a callback group, and its handle takes messages as rclpy's executors do.
     """
 
-    def __init__(self, node: Node, kind: Any, topic: str) -> None:
-        self._kind, self._group = kind, _Never()
-        self._subscription = node.create_subscription(
-            kind, topic, lambda _: None, NEWEST_QOS, callback_group=self._group, raw=True
+    def __init__(self, front: Node, node: str) -> None:
+        self._group = _Never()
+        self._subscription = front.create_subscription(
+            TrackedBodyArray, topic_of(node), lambda _: None, NEWEST_QOS, callback_group=self._group, raw=True
         )
 
     def take(self) -> bytes | None:
         """Return the newest message as bytes; None if no message arrived since the last call."""
         handle = self._subscription.handle
         with handle:
-            taken = handle.take_message(self._kind, True)
+            taken = handle.take_message(TrackedBodyArray, True)
         return None if taken is None else taken[0]
 
 
@@ -93,7 +93,7 @@ class Front(ParameterNode):
         self._group = ReentrantCallbackGroup()
         self._calls = Calls(self, self.ledger.members, self._group)
         self._readers = {node: PeerReader() for node in self.ledger.members}
-        self._states = {node: Polled(self, TrackedBodyArray, f"{node}/body_states") for node in self.ledger.members}
+        self._states = {node: Polled(self, node) for node in self.ledger.members}
         self._timings: dict[str, Timing] = {}
         for node in self.ledger.members:
             take = partial(self._timings.__setitem__, marker_namespace(node).rpartition("/")[2])
@@ -258,5 +258,5 @@ def merged_timing(timings: Mapping[str, Timing]) -> Timing:
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    answer("fleet_front", __doc__, SPECS, None if args is None else list(args))
+    answer("fleet_front", __doc__, SPECS, args)
     spin(Front, args)

@@ -41,7 +41,7 @@ OPTIONS = {
 OF_ROS = ("-p", "--param", "--params-file", "-r", "--remap", "--log-level")
 
 
-def answer(name: str, about: str | None, specs: Sequence[Spec], args: list[str] | None = None) -> None:
+def answer(name: str, about: str | None, specs: Sequence[Spec], args: Sequence[str] | None = None) -> None:
     """Prints the help or the parameter file if the command line asks for it, and exits; returns otherwise.
 
     Exits with 2 at an unknown argument, because the node would start with settings other than those intended.

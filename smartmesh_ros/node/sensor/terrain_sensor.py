@@ -245,5 +245,5 @@ def _bytes(values: FloatArray) -> array.array[int]:
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    answer(NAME, __doc__, SPECS, None if args is None else list(args))
+    answer(NAME, __doc__, SPECS, args)
     spin(TerrainSensor, args)

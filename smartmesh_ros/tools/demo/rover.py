@@ -79,5 +79,5 @@ class Rover(ParameterNode):
 
 def main(args: Sequence[str] | None = None) -> None:
     """Run the node until SIGINT or SIGTERM."""
-    answer(NAME, __doc__, SPECS, None if args is None else list(args))
+    answer(NAME, __doc__, SPECS, args)
     spin(Rover, args)

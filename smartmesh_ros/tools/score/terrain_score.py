@@ -155,5 +155,5 @@ def summary(score: Score) -> str:
 
 def main(args: Sequence[str] | None = None) -> None:
     """Run the node until SIGINT or SIGTERM."""
-    answer(NAME, __doc__, SPECS, None if args is None else list(args))
+    answer(NAME, __doc__, SPECS, args)
     spin(TerrainScore, args)
