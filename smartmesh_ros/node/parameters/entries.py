@@ -172,10 +172,10 @@ class DeckEntry:
     deck: str
     source: DeckSource
     name: str
-    link: str = ""
-    thickness: float = math.inf
-    at: Vector = (0.0, 0.0, 0.0)
-    orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)
+    link: str
+    thickness: float
+    at: Vector
+    orientation: Quaternion
 
     @property
     def frame(self) -> str:
