@@ -72,9 +72,8 @@ class Replay:
             self._records = source.records(self._wanted())
             self._next = next(self._records, None)
             if self._next is None:
-                raise source.refusal(
-                    "topic", f"nothing here is for {self.names.node}, whose inputs are\n{self._inputs()}"
-                )
+                there = "\n".join(f"  {name}  {kind}" for name, kind in self._inputs)
+                raise source.refusal("topic", f"nothing here is for {self.names.node}, whose inputs are\n{there}")
         except BaseException:
             self.collider.close()
             raise
@@ -237,19 +236,18 @@ class Replay:
     def _wanted(self) -> Collection[str]:
         """Return the recorded topics that are for the collider, or may be; raise `InputError` if one is of another
         type than its input."""
-        topics = self._source.topics
-        for name, subscriptions in self.node.subscriptions.items():
-            for kind in (type_of(one.kind) for one in subscriptions):
-                if name in topics and topics[name].type_name != kind:
-                    raise self._source.refusal("topic", f"{name} has {topics[name].type_name}, and must have {kind}")
-        always = {*self._calls, *TRANSFORMS, PARAMETERS, CLOCK}
-        inputs = {name for name, found in self.node.subscriptions.items() if found}
-        found = {topic for topic in topics if topic in always or topic in inputs or topic.endswith(STATES)}
-        return found if found & (inputs | set(self._calls)) else set()
+        topics, inputs = self._source.topics, self._inputs
+        for name, kind in inputs:
+            if name in topics and topics[name].type_name != kind:
+                raise self._source.refusal("topic", f"{name} has {topics[name].type_name}, and must have {kind}")
+        own, others = {*self._calls, *dict(inputs)}, {*TRANSFORMS, PARAMETERS, CLOCK}
+        found = {topic for topic in topics if topic in own | others or topic.endswith(STATES)}
+        return found if found & own else set()
 
-    def _inputs(self) -> str:
-        kinds = {name: type_of(found[0].kind) for name, found in self.node.subscriptions.items() if found}
-        return "\n".join(f"  {name}  {kind}" for name, kind in sorted(kinds.items()))
+    @property
+    def _inputs(self) -> list[tuple[str, str]]:
+        """Names and types of the inputs."""
+        return sorted({(name, type_of(one.kind)) for name, found in self.node.subscriptions.items() for one in found})
 
     def _sink(self, publisher: Publisher) -> Callable[[bytes], None] | None:
         """Return what takes the bytes of an output, None = nobody does."""
