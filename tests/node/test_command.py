@@ -17,7 +17,7 @@ from ament_index_python.packages import get_package_prefix
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.startup.executables import STARTED_BY_NAME
 from smartmesh_ros.tools.client import command
-from smartmesh_ros.tools.client.remote import Remote, colliders
+from smartmesh_ros.tools.client.remote import CHECK_PERIOD, Remote, colliders
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, heightmap_message
 from tests.node.shared import changed, position_of, show_map, wait_until
 from tests.urdfs import link, mesh, robot
@@ -146,6 +146,14 @@ def test_physics_and_parameters_are_set(shared: Probe, smartmesh: Command) -> No
     assert "physics.friction: 0.75" in smartmesh("param").splitlines()
     assert smartmesh("param", "physics.friction", "0.5") == ""
     assert "back where they were spawned" in smartmesh("reset")
+
+
+def test_a_command_receives_no_maps(shared: Probe, remote: Remote, smartmesh: Command) -> None:
+    """Each one of 64 MiB would delay the machine."""
+    show_map(shared, np.zeros((60, 60)))
+    assert smartmesh("pause") == "paused" and smartmesh("resume") == "running"
+    remote.spin(1.1 * CHECK_PERIOD)
+    assert not [one.topic_name for one in remote.node.subscriptions if "heightmap" in one.topic_name]
 
 
 def test_a_node_is_named_or_those_that_run_are(shared: Probe, remote: Remote) -> None:

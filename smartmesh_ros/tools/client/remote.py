@@ -94,7 +94,7 @@ class Remote:
         self.parameters = AsyncParameterClient(self.node, name)
         self.clients = {key: self.node.create_client(kind, f"{name}/{key}") for key, kind in SERVICES.items()}
         self._new: dict[str, deque[bytes]] = {}
-        self._watched: set[str] = set()
+        self._watched: set[str] | None = None
         self._subscriptions: dict[str, tuple[Any, int]] = {}  # with the numbers of publishers
         self._no_maps_until = 0.0  # end of the pause in receiving whole maps [s]
         self._runs: frozenset[bytes] = frozenset()  # that `ground` and `sight` are of
@@ -114,15 +114,16 @@ class Remote:
         self._runs = runs
         if before and (runs - before or not runs):
             self._forget()
-        if monotonic() >= self._check_due:
-            self._subscribe()
+        if self._watched is not None and monotonic() >= self._check_due:
+            self._subscribe(self._watched)
         end = monotonic() + seconds
         while (left := end - monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
 
     def watch(self, topics: set[str]) -> None:
-        """Subscribe to these of `OUTPUTS` and to no others, because the node builds only outputs with subscribers; to
-        ``scene`` while no map has come, or poses of tracked bodies come on no other topic."""
+        """Subscribe to maps, which nobody receives before, and to these of `OUTPUTS` and no others, because the node
+        builds only outputs with subscribers; to ``scene`` while no map has come, or poses of tracked bodies come on no
+        other topic."""
         if topics != self._watched:
             self._watched, self._check_due = topics, 0.0
 
@@ -193,14 +194,14 @@ class Remote:
         self.paused: bool | None = None
         self._check_due = 0.0
 
-    def _subscribe(self) -> None:
+    def _subscribe(self, watched: set[str]) -> None:
         """Subscribe to maps and watched outputs that have publishers, with the best QoS that these offer, so that a
         latched message arrives after its publication; unsubscribe from all others."""
         now = monotonic()
         self._check_due = now + CHECK_PERIOD
         wanted = MAPS.keys() - ({"heightmap"} if now < self._no_maps_until else set())
         needs_scene = not self.ground.tiles or self.sight.has_unheard
-        wanted |= self._watched - (set() if needs_scene else {"scene"})
+        wanted |= watched - (set() if needs_scene else {"scene"})
         counts = {topic: self.node.count_publishers(f"{self.name}/{topic}") for topic in wanted}
         for topic, (subscription, count) in list(self._subscriptions.items()):
             if counts.get(topic) != count:

@@ -40,6 +40,8 @@ def test_the_ground_of_a_run_that_is_over_is_forgotten(probe: Probe, remote: Rem
     probe.node.create_publisher(Heightmap, maps, latched).publish(heightmap_message(np.zeros((4, 4))))
     run = probe.node.create_publisher(TrackedBodyArray, states, 10)
 
+    remote.watch(set())
+
     def tiles() -> list[str]:
         remote.spin(0.05)
         remote.apply_waiting()

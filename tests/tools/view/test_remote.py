@@ -21,6 +21,7 @@ from smartmesh_ros.tools.view import main, page
 
 def test_tiles_that_are_published_in_a_burst_are_all_shown(remote: Remote, probe: Probe) -> None:
     maps = probe.publishers["heightmap"]
+    remote.watch(set())
 
     def shown() -> set[str]:
         remote.spin(0.02)
