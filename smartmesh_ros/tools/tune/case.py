@@ -6,16 +6,16 @@ import math
 from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import itemgetter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.evaluation.distance import Surface
 from smartmesh_ros.tools.evaluation.scene import FOLDER, Scene, read_scene
@@ -32,11 +32,8 @@ LONGEST = 5.0
 class Truth(ABC):
     """The true ground of a run."""
 
-    def note(self, world: World) -> None:  # noqa: B027  the ground of a scene is known without
-        """Look at the world after each step and message."""
-
-    def keep(self, world: World) -> None:  # noqa: B027
-        """Look at the world at the instant of a snapshot."""
+    def note(self, world: World, *, measured: bool) -> None:  # noqa: B027  the ground of a scene is known without
+        """Look at the world after each step and message; ``measured``: at the instant of a snapshot."""
 
     @abstractmethod
     def at(self, time: float) -> list[Surface]:
@@ -129,43 +126,30 @@ class RecordedGround(Truth):
     corrections, it is the ground that the node shows, which approaches the corrected one over ``terrain.settle``."""
 
     def __init__(self) -> None:
-        self._maps: dict[str, list[Kept]] = defaultdict(list)  # by tile, in order of time
+        self._maps: dict[str, list[tuple[float, Surface]]] = defaultdict(list)  # by tile, in order of time [s]
         self._revisions: dict[str, int] = {}
 
-    def note(self, world: World) -> None:
-        for name, tile in _height_maps(world, corrects=False):
-            if self._revisions.get(name) != tile.revision:
+    def note(self, world: World, *, measured: bool) -> None:
+        for name, tile in world.terrain.tiles.items():
+            if not isinstance(tile, HeightMap):
+                continue
+            if tile.motion.corrects and measured:
+                self._maps[name].append((world.time, Surface(tile.geometry, _shown(tile, world.time))))
+            elif not tile.motion.corrects and self._revisions.get(name) != tile.revision:
                 self._revisions[name] = tile.revision
-                self._maps[name].append(Kept(tile.time, tile.geometry, tile.heights.copy()))
-
-    def keep(self, world: World) -> None:
-        for name, tile in _height_maps(world, corrects=True):
-            self._maps[name].append(Kept(world.time, tile.geometry, _shown(tile, world.time)))
+                self._maps[name].append((tile.time, Surface(tile.geometry, tile.heights.copy())))
 
     def at(self, time: float) -> list[Surface]:
-        return [_between(maps, time) for maps in self._maps.values() if maps[0].time <= time]
+        return [_between(maps, time) for maps in self._maps.values() if maps[0][0] <= time]
 
 
-class Kept(NamedTuple):
-    """Heights (rows, columns) [m] of a tile at ``time`` [s], without the origin's z."""
-
-    time: float
-    geometry: GridGeometry
-    heights: NDArray[np.float32]
-
-
-def _height_maps(world: World, *, corrects: bool) -> Iterator[tuple[str, HeightMap]]:
-    maps = ((name, tile) for name, tile in world.terrain.tiles.items() if isinstance(tile, HeightMap))
-    return ((name, tile) for name, tile in maps if tile.motion.corrects == corrects)
-
-
-def _between(maps: list[Kept], time: float) -> Surface:
-    after = bisect_right(maps, time, key=lambda one: one.time)
-    before = maps[after - 1]
+def _between(maps: list[tuple[float, Surface]], time: float) -> Surface:
+    after = bisect_right(maps, time, key=itemgetter(0))
+    start, before = maps[after - 1]
     heights = before.heights.astype(np.float64)
-    if after < len(maps) and maps[after].geometry == before.geometry:
-        share = (time - before.time) / (maps[after].time - before.time)
-        heights += share * (maps[after].heights - heights)
+    if after < len(maps) and maps[after][1].geometry == before.geometry:
+        end, last = maps[after]
+        heights += (time - start) / (end - start) * (last.heights - heights)
     return Surface(before.geometry, heights)
 
 

@@ -91,16 +91,17 @@ def _run(case: Case, values: Mapping[str, Any]) -> Run:
             spent += process_time() - start
             if ended:
                 break
-            truth.note(world)
+            number, steps_of_sample = round(world.time * rate), round(rate / SAMPLES)
+            measured = world.time != at and number % steps_of_sample == 0
+            truth.note(world, measured=measured)
             if world.time == at:
                 continue
             times.append(spent)
-            spent, number = 0.0, round(world.time * rate)
-            if (number + 1) % round(rate / SAMPLES) == 0:
+            spent = 0.0
+            if (number + 1) % steps_of_sample == 0:
                 before = _velocities(world)
-            elif number % round(rate / SAMPLES) == 0:
+            elif measured:
                 snapshots.append(Snapshot(world.time, dict(_parts_of(world)), _held(world, before, rate)))
-                truth.keep(world)
             if number == round(case.horizon * rate):
                 positions = {name: world.state(name).position for name in _velocities(world)}
         gc.enable()
