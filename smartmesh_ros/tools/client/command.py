@@ -100,12 +100,6 @@ def spawn(caller: Caller, options: argparse.Namespace) -> str:
     return caller.call("spawn_body", **fields) or f"{options.name} is there"
 
 
-def remove(caller: Caller, options: argparse.Namespace) -> str:
-    """Remove bodies."""
-    caller.call("remove_bodies", ids=options.names)
-    return ""
-
-
 def show_bodies(caller: Caller, _: argparse.Namespace) -> str:
     """Return the bodies of the node, a line each."""
     sight, lines = caller.remote.sight, []
@@ -254,7 +248,8 @@ def parser() -> argparse.ArgumentParser:
     spawns.add_argument("--clearance", type=float, default=0.0, help="of the lowest point above the ground [m]")
     spawns.add_argument("--align", action="store_true", help="tilt it with the ground")
     spawns.add_argument("--yaw", type=number(float, -1000.0, 1000.0), default=0.0, help="turn about z [rad]")
-    command("remove", "remove bodies", remove).add_argument("names", nargs="+", metavar="NAME")
+    removes = command("remove", "remove bodies", lambda caller, o: caller.call("remove_bodies", ids=o.names))
+    removes.add_argument("names", nargs="+", metavar="NAME")
     echoes = command("echo", "print a topic of the node, such as body_states", echo)
     echoes.add_argument("topic")
     echoes.add_argument("--once", action="store_true", help="one message")

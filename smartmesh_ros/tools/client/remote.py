@@ -70,6 +70,7 @@ def colliders(node: Node) -> list[str]:
 class Remote:
     """A ``terrain_collider`` with the full name ``name`` in this DDS domain.
 
+    ``runs``: a name of each run of the node that is discovered: a killed one stays for a while beside the next.
     ``ground``: its terrain. ``sight``: bodies, patches and contacts. ``timings``: messages of ~/timing with their
     arrival [s]. ``counts``: received messages by topic. ``tasks``: the newest diagnostics, and ``warnings`` of these.
     ``log``: last warnings of the log. ``paused``: None = unknown. ``clients``: of `SERVICES`. ``changed_parameters``:
@@ -97,7 +98,7 @@ class Remote:
         self._watched: set[str] | None = None
         self._subscriptions: dict[str, tuple[Any, int]] = {}  # with the numbers of publishers
         self._no_maps_until = 0.0  # end of the pause in receiving whole maps [s]
-        self._runs: frozenset[bytes] = frozenset()  # that `ground` and `sight` are of
+        self.runs: frozenset[bytes] = frozenset()
         self._forget()
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         self.node.create_subscription(Log, "/rosout", self._on_log, 50)
@@ -110,9 +111,8 @@ class Remote:
 
     def spin(self, seconds: float) -> None:
         """Handle messages for this long."""
-        runs, before = self.runs, self._runs
-        self._runs = runs
-        if before and (runs - before or not runs):
+        before, self.runs = self.runs, publishers_on(self.node, f"{self.name}/{STATES}")
+        if before and (self.runs - before or not self.runs):
             self._forget()
         if self._watched is not None and monotonic() >= self._check_due:
             self._subscribe(self._watched)
@@ -128,19 +128,9 @@ class Remote:
             self._watched, self._check_due = topics, 0.0
 
     @property
-    def is_running(self) -> bool:
-        """True if the node publishes its body states."""
-        return bool(self.node.count_publishers(f"{self.name}/{STATES}"))
-
-    @property
-    def runs(self) -> frozenset[bytes]:
-        """A name of each run of the node that is discovered."""
-        return publishers_on(self.node, f"{self.name}/{STATES}")
-
-    @property
     def missing(self) -> str:
         """That there is no node of this name, and which ones there are; empty if there is."""
-        if self.is_running:
+        if self.runs:
             return ""
         domain = os.environ.get("ROS_DOMAIN_ID", "0")
         there = ", ".join(colliders(self.node)) or "none"

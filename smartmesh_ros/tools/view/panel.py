@@ -98,7 +98,7 @@ class Panel:
 
     def _status_words(self) -> str:
         remote, sight = self._remote, self._remote.sight
-        if not remote.is_running:
+        if not remote.runs:
             return f"**no node** `{remote.name}` in this DDS domain"
         head = "**paused**" if remote.paused else "**running**"
         if not remote.timings:
