@@ -199,7 +199,7 @@ def main(args: list[str] | None = None) -> None:
         with isolated_unless_chosen():
             frames, lost, counts = run(options.seconds)
         print("drawing a picture and a clip, which takes up to a minute", flush=True)
-        for path in demo_pictures.draw(frames, options.out, say=lambda words: print(words, flush=True)):
+        for path in demo_pictures.draw(frames, options.out):
             print(f"wrote {path}", flush=True)
     except KeyboardInterrupt:
         sys.exit("demo was interrupted")

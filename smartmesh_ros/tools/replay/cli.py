@@ -22,8 +22,8 @@ from smartmesh_ros.startup.arguments import Parser
 from smartmesh_ros.startup.remappings import refuse_expanded
 from smartmesh_ros.tools.replay.bag import Bag
 from smartmesh_ros.tools.replay.parameters import read_parameters
-from smartmesh_ros.tools.replay.replay import Replay, Sink
-from smartmesh_ros.tools.replay.transport import Names, Publisher
+from smartmesh_ros.tools.replay.replay import Replay
+from smartmesh_ros.tools.replay.transport import Names
 
 if TYPE_CHECKING:
     from smartmesh_ros.tools.replay.mcap_file import McapFile
@@ -67,7 +67,7 @@ def parser() -> argparse.ArgumentParser:
     found.add_argument("bag", metavar="BAG", type=Path, help="a recorded bag")
     add_node_arguments(found)
     found.add_argument("-o", "--output", type=Path, metavar="OUT.mcap", help="file for the outputs (none)")
-    found.add_argument("--topics", nargs="+", metavar="TOPIC", help="outputs to write, such as body_states (all)")
+    found.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="of outputs, such as body_states (all)")
     found.add_argument("--until", type=float, metavar="T", help="end after T seconds (with the bag)")
     found.add_argument("--check", metavar="SHA256", help="exit with 1 unless this is the digest")
     return found
@@ -96,15 +96,8 @@ def _run(options: argparse.Namespace) -> int:
         file = McapFile(options.output)
     if file is not None and file.path.exists() and bag.path.resolve() in (place := file.path.resolve(), place.parent):
         raise InputError("file", f"-o {file.path} is the bag itself, or one of its files; name another file")
-    wanted = options.topics and {names.full(topic) for topic in options.topics}
-
-    def record(publisher: Publisher) -> Sink | None:
-        if file is None or (wanted and publisher.topic_name not in wanted):
-            return None
-        return lambda time, data: file.write(publisher, time, data)
-
-    with Replay(bag, parameters, names=names, record=record, say=line.say) as replay:
-        if wanted and (unknown := sorted(wanted - replay.outputs)):
+    with Replay(bag, parameters, names=names, file=file, topics=options.topics, say=line.say) as replay:
+        if unknown := sorted({*map(names.full, options.topics)} - replay.outputs):
             there = ", ".join(sorted(replay.outputs))
             raise InputError("topic", f"--topics: there is no output {', '.join(unknown)}; the outputs are {there}")
         begun = monotonic()

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from time import sleep
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import Parameter
@@ -18,12 +18,15 @@ from smartmesh_ros.node.inputs.checked_messages import message_from
 from smartmesh_ros.node.parameters.declaring import plain_value
 from smartmesh_ros.node.parameters.specifications import NAMES
 from smartmesh_ros.node.terrain_collider import Collider
-from smartmesh_ros.tools.replay.bag import EVENTS, Record, Source, type_of
+from smartmesh_ros.tools.replay.bag import EVENTS, Messages, Record, Source, type_of
 from smartmesh_ros.tools.replay.clock import ReplayClock
 from smartmesh_ros.tools.replay.digest import Digest
 from smartmesh_ros.tools.replay.parameters import settings_of
 from smartmesh_ros.tools.replay.transport import InProcess, Log, Names, Publisher
 from smartmesh_ros.world.world import World
+
+if TYPE_CHECKING:
+    from smartmesh_ros.tools.replay.mcap_file import McapFile
 
 # Topics that are read beside the inputs; those of transforms become inputs when a message needs them.
 CLOCK, PARAMETERS, TRANSFORMS = "/clock", "/parameter_events", ("/tf", "/tf_static")
@@ -31,8 +34,6 @@ CLOCK, PARAMETERS, TRANSFORMS = "/clock", "/parameter_events", ("/tf", "/tf_stat
 STATES = "/body_states"
 # Differences of times that are rounding errors [s].
 SLACK = 1e-6
-# Takes the bytes of each message of an output and its time on the recorder's clock [s].
-Sink = Callable[[float, bytes], None]
 
 
 class Replay:
@@ -48,20 +49,22 @@ class Replay:
 
     def __init__(
         self,
-        source: Source,
+        source: Source | Sequence[tuple[str, float, Any]],
         parameters: Mapping[str, Any] | None = None,
         *,
         names: Names | None = None,
         keep: Collection[str] = (),
-        record: Callable[[Publisher], Sink | None] = lambda _: None,
+        file: McapFile | None = None,
+        topics: Collection[str] = (),
         say: Callable[[str], None] | None = None,
     ) -> None:
-        """``keep``: outputs whose messages `received` returns. ``record``: returns what takes an output's messages,
-        None if nobody does. ``say``: gets the lines of ``log``."""
+        """``keep``: outputs whose messages `received` returns. ``file``: gets the outputs, or only these ``topics``.
+        ``say``: gets the lines of ``log``."""
         self.log: list[str] = []
         self.names = names or Names()
         self._kept: dict[str, list[Any]] = {self.names.full(topic): [] for topic in keep}
-        self._record = record
+        self._file, self._topics = file, set(map(self.names.full, topics))
+        source = source if isinstance(source, Source) else Messages(source, self.names.node)
         self._source, self._values = source, dict(parameters or {})
         settings = settings_of(self._values)
         self.clock = ReplayClock(0.0, simulated=bool(self._values.get("use_sim_time")) and CLOCK in source.topics)
@@ -254,5 +257,7 @@ class Replay:
         kept = self._kept.get(publisher.topic_name)
         if kept is not None:
             return lambda data: kept.append(deserialize_message(data, publisher.kind))
-        take = self._record(publisher)
-        return None if take is None else lambda data: take(self.clock.start + self.clock.elapsed, data)
+        file, wanted = self._file, not self._topics or publisher.topic_name in self._topics
+        if file is None or not wanted:
+            return None
+        return lambda data: file.write(publisher, self.clock.start + self.clock.elapsed, data)

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from smartmesh_ros.tools.replay.bag import Bag, Messages, Source
+from smartmesh_ros.tools.replay.bag import Bag
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.replay.transport import Names
 
@@ -24,6 +24,5 @@ def replayed(
     ``parameters``: of terrain_collider, by name. ``keep``: outputs whose messages `Replay.received` returns. ``remap``:
     new names of topics and services, as of ``--ros-args -r``.
     """
-    names = Names(rules=list((remap or {}).items()))
-    recording: Source = Bag(Path(source)) if isinstance(source, (str, Path)) else Messages(source, names.node)
-    return Replay(recording, parameters, names=names, keep=keep)
+    recording = Bag(Path(source)) if isinstance(source, (str, Path)) else source
+    return Replay(recording, parameters, names=Names(rules=list((remap or {}).items())), keep=keep)

@@ -20,7 +20,7 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.evaluation.distance import Surface
 from smartmesh_ros.tools.evaluation.scene import FOLDER, Scene, read_scene
 from smartmesh_ros.tools.messages import heightmap_message
-from smartmesh_ros.tools.replay.bag import Bag, Messages
+from smartmesh_ros.tools.replay.bag import Bag
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.replay.transport import Names
 from smartmesh_ros.world.world import World
@@ -69,7 +69,7 @@ class Case:
             return Replay(Bag(self.source), parameters, names=names), RecordedGround()
         scene = read_scene(self.source)
         friction = {"physics.friction": scene.bodies.friction}
-        replay = Replay(Messages(maps_of(scene), names.node), {**parameters, **friction}, names=names)
+        replay = Replay(maps_of(scene), {**parameters, **friction}, names=names)
         for number, state in enumerate(scene.starts()):
             replay.world.spawn(f"body_{number}", scene.bodies.make_shape(), 1.0, state)
         return replay, SceneGround(scene)

@@ -65,7 +65,7 @@ def find(options: argparse.Namespace) -> Result:
     preset = preset_values(options.preset) if options.preset else {}
     parameters = {**preset, **read_parameters(options.params_file, options.param, Names(rules=rules).node)}
     case, line = open_case(options.source, parameters, rules, options.seconds), ProgressLine()
-    points = measure_all(case, options.jobs, lambda done, count: line.show(done / count))
+    points = measure_all(case, options.jobs, line.show)
     line.clear()
     return Result(case, asked, points)
 

@@ -44,9 +44,9 @@ def own_settings(given: Mapping[str, Any]) -> dict[str, float]:
     return {name: float(given.get(name, value)) for name, value in KNOWN.items()}
 
 
-def measure_all(case: Case, jobs: int, say: Callable[[int, int], None] = lambda done, count: None) -> list[Figures]:
-    """Return the figures of all settings, measured in ``jobs`` processes at a time, and ``say`` how many are done after
-    each. Raises `InputError` if the node would refuse the case, or nothing can be measured."""
+def measure_all(case: Case, jobs: int, show: Callable[[float], None]) -> list[Figures]:
+    """Return the figures of all settings, measured in ``jobs`` processes at a time, and ``show`` which share is done
+    after each. Raises `InputError` if the node would refuse the case, or nothing can be measured."""
     tried = settings_to_try(case.parameters)
     found: list[tuple[Figures, dict[str, Vector]]] = []
     # A process for each setting: what one has allocated and cached does not change the cost of another. They are forks
@@ -57,7 +57,7 @@ def measure_all(case: Case, jobs: int, say: Callable[[int, int], None] = lambda 
         try:
             for measured in pool.map(measure, repeat(case), [*tried, SMALL_STEPS]):
                 found.append(measured)
-                say(len(found), len(tried) + 1)
+                show(len(found) / (len(tried) + 1))
         except BrokenProcessPool:
             raise InputError("jobs", "a process ended before its setting was measured; see its output above") from None
         except KeyboardInterrupt:
