@@ -15,7 +15,6 @@ import argparse
 import math
 import sys
 from collections.abc import Callable
-from contextlib import closing
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -24,18 +23,15 @@ import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile
-from rclpy.utilities import try_shutdown
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import TrackedBody
 
 from smartmesh_ros.errors import InputError, suggestion
 from smartmesh_ros.node.parameters.helping import own_arguments
-from smartmesh_ros.node.running import Stop, init
 from smartmesh_ros.startup.arguments import Parser, number
-from smartmesh_ros.startup.dds import use_large_message_profile
 from smartmesh_ros.startup.executables import STARTED_BY_NAME
 from smartmesh_ros.tools.client.parameters import parameter_from
-from smartmesh_ros.tools.client.remote import BEST, Remote, colliders
+from smartmesh_ros.tools.client.remote import BEST, Remote, colliders, following
 from smartmesh_ros.tools.client.robot_text import text_of
 from smartmesh_ros.tools.client.sight import KINDS
 from smartmesh_ros.tools.messages import pose_message
@@ -269,16 +265,6 @@ def main(args: list[str] | None = None) -> None:
     """Do what a command line asks for."""
     given = sys.argv if args is None else ["smartmesh", *args]
     options = parser().parse_args(own_arguments(given))
-    use_large_message_profile()
-    init(given)
-    Stop()
-    try:
-        with closing(Remote("/" + options.node.strip("/"))) as remote:
-            if words := options.act(Caller(remote, options.timeout), options):
-                print(words)
-    except InputError as error:
-        sys.exit(f"smartmesh: {error}")
-    except KeyboardInterrupt:
-        pass
-    finally:
-        try_shutdown()
+    with following(options.node, "smartmesh", given) as (remote, _):
+        if words := options.act(Caller(remote, options.timeout), options):
+            print(words)

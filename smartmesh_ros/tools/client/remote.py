@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections import Counter, deque
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
 from functools import partial
 from time import monotonic
 from typing import Any
@@ -19,6 +20,7 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
+from rclpy.utilities import try_shutdown
 from rclpy.validate_full_topic_name import validate_full_topic_name
 from smartmesh_msgs.msg import ColliderPatchArray, Timing
 from smartmesh_msgs.srv import RemoveBodies, SpawnBody, StepPhysics
@@ -26,7 +28,9 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.running import Stop, init
 from smartmesh_ros.node.transport import publishers_on
+from smartmesh_ros.startup.dds import use_large_message_profile
 from smartmesh_ros.tools.client.drawn_scene import drawn_scene
 from smartmesh_ros.tools.client.ground import MAPS, Ground
 from smartmesh_ros.tools.client.patch import PatchesMessage, read_patches
@@ -65,6 +69,24 @@ def colliders(node: Node) -> list[str]:
         for topic, kinds in node.get_topic_names_and_types()
         if topic.endswith(f"/{STATES}") and STATES_TYPE in kinds and node.count_publishers(topic)
     )
+
+
+@contextmanager
+def following(node: str, command: str, arguments: Sequence[str]) -> Iterator[tuple[Remote, Stop]]:
+    """Follow a node (full name) for the length of the block, in a process of its own. An `InputError` ends the process
+    with the name of the ``command`` and the reason; the first signal ends the block quietly."""
+    use_large_message_profile()
+    init(arguments)
+    stop = Stop()
+    try:
+        with closing(Remote("/" + node.strip("/"))) as remote:
+            yield remote, stop
+    except InputError as error:
+        sys.exit(f"{command}: {error}")
+    except KeyboardInterrupt:
+        pass
+    finally:
+        try_shutdown()
 
 
 class Remote:

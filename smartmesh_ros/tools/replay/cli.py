@@ -67,7 +67,7 @@ def parser() -> argparse.ArgumentParser:
     found.add_argument("bag", metavar="BAG", type=Path, help="a recorded bag")
     add_node_arguments(found)
     found.add_argument("-o", "--output", type=Path, metavar="OUT.mcap", help="file for the outputs (none)")
-    found.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="of outputs, such as body_states (all)")
+    found.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="outputs, such as body_states (all)")
     found.add_argument("--until", type=float, metavar="T", help="end after T seconds (with the bag)")
     found.add_argument("--check", metavar="SHA256", help="exit with 1 unless this is the digest")
     return found

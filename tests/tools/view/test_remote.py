@@ -63,8 +63,7 @@ def test_messages_are_handled_however_long_a_page_takes(monkeypatch: pytest.Monk
     made: Any = SimpleNamespace(url="", close=lambda: None, refresh=lambda: spend("page", next(left)))
     monkeypatch.setattr(page, "Page", lambda *_: made)
     remote: Any = SimpleNamespace(name="", missing="", close=lambda: None, spin=lambda time: spend("messages", time))
-    monkeypatch.setattr(main, "Remote", lambda _: remote)
     options = Namespace(node="n", host="", port=0, rate=100.0, demo=False)
     with suppress(StopIteration):
-        main.show(options, SimpleNamespace(asked=False, starting=True))
+        main.show(remote, options, SimpleNamespace(asked=False, starting=True))
     assert spent["messages"] > 0.8 * spent["page"] > 0.4
