@@ -74,7 +74,7 @@ def colliders(node: Node) -> list[str]:
 @contextmanager
 def following(node: str, command: str, arguments: Sequence[str]) -> Iterator[tuple[Remote, Stop]]:
     """Follow a node (full name) for the length of the block, in a process of its own. An `InputError` ends the process
-    with the name of the ``command`` and the reason; the first signal ends the block quietly."""
+    with the name of the ``command`` and the reason, the first signal without a word."""
     use_large_message_profile()
     init(arguments)
     stop = Stop()
@@ -84,7 +84,7 @@ def following(node: str, command: str, arguments: Sequence[str]) -> Iterator[tup
     except InputError as error:
         sys.exit(f"{command}: {error}")
     except KeyboardInterrupt:
-        pass
+        sys.exit()
     finally:
         try_shutdown()
 
