@@ -81,11 +81,6 @@ class Sight:
         return positions, np.array([self.radius_of(name) for name in self.poses])
 
     @property
-    def robots(self) -> dict[str, BodyDescription]:
-        """Appearances of the robots."""
-        return {name: known for name, known in self.appearances.items() if known.shape == BodyDescription.ROBOT}
-
-    @property
     def has_unheard(self) -> bool:
         """True if the poses of tracked bodies are on other topics, or in other frames."""
         return any(body.tracked and name not in self.heard for name, body in self.appearances.items())

@@ -87,7 +87,8 @@ def _run(options: argparse.Namespace) -> int:
     until = math.inf if options.until is None else options.until
     if not until > 0.0:
         raise InputError("parameter", f"--until is {until:g}; it must be a number of seconds above zero")
-    bag, names, line = Bag(options.bag), Names(rules=rules_of(options.remap)), ProgressLine()
+    bag, rules, line = Bag(options.bag), rules_of(options.remap), ProgressLine()
+    names = Names(rules)
     parameters = read_parameters(options.params_file, options.param, names.node)
     file = None
     if options.output is not None:
@@ -96,7 +97,7 @@ def _run(options: argparse.Namespace) -> int:
         file = McapFile(options.output)
     if file is not None and file.path.exists() and bag.path.resolve() in (place := file.path.resolve(), place.parent):
         raise InputError("file", f"-o {file.path} is the bag itself, or one of its files; name another file")
-    with Replay(bag, parameters, names=names, file=file, topics=options.topics, say=line.say) as replay:
+    with Replay(bag, parameters, remap=rules, file=file, topics=options.topics, say=line.say) as replay:
         if unknown := sorted({*map(names.full, options.topics)} - replay.outputs):
             there = ", ".join(sorted(replay.outputs))
             raise InputError("topic", f"--topics: there is no output {', '.join(unknown)}; the outputs are {there}")
@@ -134,7 +135,7 @@ def rules_of(remaps: Sequence[str]) -> list[tuple[str, str]]:
     if wrong := [text for text, (old, new) in zip(remaps, rules, strict=True) if not (old and new)]:
         raise InputError("arguments", f"-r {wrong[0]!r} must be from:=to, as in -r '~/heightmap:=/maps'")
     try:
-        Names(rules=rules)
+        Names(rules)
     except ValueError as error:
         raise InputError("arguments", f"-r: {str(error).partition(', at ')[0]}") from None
     return rules

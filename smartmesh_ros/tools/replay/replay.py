@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from pathlib import Path
 from time import sleep
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,7 @@ from smartmesh_ros.node.inputs.checked_messages import message_from
 from smartmesh_ros.node.parameters.declaring import plain_value
 from smartmesh_ros.node.parameters.specifications import NAMES
 from smartmesh_ros.node.terrain_collider import Collider
-from smartmesh_ros.tools.replay.bag import EVENTS, Messages, Record, Source, type_of
+from smartmesh_ros.tools.replay.bag import EVENTS, Bag, Messages, Record, Source, type_of
 from smartmesh_ros.tools.replay.clock import ReplayClock
 from smartmesh_ros.tools.replay.digest import Digest
 from smartmesh_ros.tools.replay.parameters import settings_of
@@ -49,22 +50,27 @@ class Replay:
 
     def __init__(
         self,
-        source: Source | Sequence[tuple[str, float, Any]],
+        source: Source | str | Path | Sequence[tuple[str, float, Any]],
         parameters: Mapping[str, Any] | None = None,
         *,
-        names: Names | None = None,
+        remap: Mapping[str, str] | Sequence[tuple[str, str]] = (),
         keep: Collection[str] = (),
         file: McapFile | None = None,
         topics: Collection[str] = (),
         say: Callable[[str], None] | None = None,
     ) -> None:
-        """``keep``: outputs whose messages `received` returns. ``file``: gets the outputs, or only these ``topics``.
-        ``say``: gets the lines of ``log``."""
+        """``source``: a recording, the path of a bag, or a list of (topic, time [s], message) and (service, time [s],
+        request). ``parameters``: of terrain_collider, by name. ``remap``: new names of topics and services, as of
+        ``--ros-args -r``. ``keep``: outputs whose messages `received` returns. ``file``: gets the outputs, or only
+        these ``topics``. ``say``: gets the lines of ``log``."""
         self.log: list[str] = []
-        self.names = names or Names()
+        self.names = Names(remap)
         self._kept: dict[str, list[Any]] = {self.names.full(topic): [] for topic in keep}
         self._file, self._topics = file, set(map(self.names.full, topics))
-        source = source if isinstance(source, Source) else Messages(source, self.names.node)
+        if isinstance(source, str | Path):
+            source = Bag(Path(source))
+        elif not isinstance(source, Source):
+            source = Messages(source, self.names.node)
         self._source, self._values = source, dict(parameters or {})
         settings = settings_of(self._values)
         self.clock = ReplayClock(0.0, simulated=bool(self._values.get("use_sim_time")) and CLOCK in source.topics)

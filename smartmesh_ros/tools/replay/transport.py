@@ -22,11 +22,11 @@ class Names:
     """The collider's name, and its remapping rules (from, to), as of ``--ros-args -r from:=to``; the first that fits
     counts. Raises `ValueError` for impossible names."""
 
-    def __init__(self, node: str = "/terrain_collider", rules: Sequence[tuple[str, str]] = ()) -> None:
+    def __init__(self, rules: Mapping[str, str] | Sequence[tuple[str, str]] = ()) -> None:
+        rules = list(rules.items()) if isinstance(rules, Mapping) else rules
         given = dict(reversed(rules))
-        namespace, _, name = node.rpartition("/")
-        self.name = given.get("__node", given.get("__name", name))
-        self.namespace = given.get("__ns", namespace) or "/"
+        self.name = given.get("__node", given.get("__name", "terrain_collider"))
+        self.namespace = given.get("__ns") or "/"
         self._rules = [(self._full(old), self._full(new)) for old, new in rules if not old.startswith("__")]
 
     @property

@@ -22,7 +22,6 @@ from smartmesh_ros.tools.evaluation.scene import FOLDER, Scene, read_scene
 from smartmesh_ros.tools.messages import heightmap_message
 from smartmesh_ros.tools.replay.bag import Bag
 from smartmesh_ros.tools.replay.replay import Replay
-from smartmesh_ros.tools.replay.transport import Names
 from smartmesh_ros.world.world import World
 
 # Longest replay of a bag if none is given [s].
@@ -64,12 +63,12 @@ class Case:
 
     def start(self, values: Mapping[str, Any]) -> tuple[Replay, Truth]:
         """Return a replay with these parameters at its beginning, and its true ground; raise `InputError`."""
-        parameters, names = {**self.parameters, **values}, Names(rules=self.remaps)
+        parameters = {**self.parameters, **values}
         if self.source.suffix != ".yaml":
-            return Replay(Bag(self.source), parameters, names=names), RecordedGround()
+            return Replay(self.source, parameters, remap=self.remaps), RecordedGround()
         scene = read_scene(self.source)
         friction = {"physics.friction": scene.bodies.friction}
-        replay = Replay(maps_of(scene), {**parameters, **friction}, names=names)
+        replay = Replay(maps_of(scene), {**parameters, **friction}, remap=self.remaps)
         for number, state in enumerate(scene.starts()):
             replay.world.spawn(f"body_{number}", scene.bodies.make_shape(), 1.0, state)
         return replay, SceneGround(scene)

@@ -63,7 +63,7 @@ def find(options: argparse.Namespace) -> Result:
     asked = {figure: limit for figure, limit in given.items() if limit is not None}
     rules = rules_of(options.remap)
     preset = preset_values(options.preset) if options.preset else {}
-    parameters = {**preset, **read_parameters(options.params_file, options.param, Names(rules=rules).node)}
+    parameters = {**preset, **read_parameters(options.params_file, options.param, Names(rules).node)}
     case, line = open_case(options.source, parameters, rules, options.seconds), ProgressLine()
     points = measure_all(case, options.jobs, line.show)
     line.clear()
