@@ -51,6 +51,8 @@ NEWEST, DEPTH = KINDS.keys() - {"odometry"}, 200
 BEST: dict[str, Any] = {
     "durability": DurabilityPolicy.BEST_AVAILABLE, "reliability": ReliabilityPolicy.BEST_AVAILABLE
 }  # fmt: skip
+# Longest wait for a node, which may be starting [s].
+PATIENCE = 60.0
 # Period of checks for publishers [s].
 CHECK_PERIOD = 1.0
 # Size [bytes] above which whole maps are received only once in a period [s], because the transfer to one more process
@@ -72,14 +74,16 @@ def colliders(node: Node) -> list[str]:
 
 
 @contextmanager
-def following(node: str, command: str, arguments: Sequence[str]) -> Iterator[tuple[Remote, Stop]]:
+def following(
+    node: str, command: str, arguments: Sequence[str], patience: float = PATIENCE
+) -> Iterator[tuple[Remote, Stop]]:
     """Follow a node (full name) for the length of the block, in a process of its own. An `InputError` ends the process
     with the name of the ``command`` and the reason, the first signal without a word."""
     use_large_message_profile()
     init(arguments)
     stop = Stop()
     try:
-        with closing(Remote("/" + node.strip("/"))) as remote:
+        with closing(Remote("/" + node.strip("/"), patience)) as remote:
             yield remote, stop
     except InputError as error:
         sys.exit(f"{command}: {error}")
@@ -99,14 +103,14 @@ class Remote:
     changed values by name, until the reader replaces the dictionary.
     """
 
-    def __init__(self, name: str) -> None:
-        """Raises `InputError` if ``name`` cannot be that of a node."""
+    def __init__(self, name: str, patience: float = PATIENCE) -> None:
+        """``patience`` [s]: longest wait. Raises `InputError` if ``name`` cannot be that of a node."""
         try:
             validate_full_topic_name(f"{name}/{STATES}")
         except InvalidTopicNameException:
             words = "is no full name of a node, such as /robot/terrain_collider; names have letters, digits and _ alone"
             raise InputError("arguments", f"{name!r} {words}") from None
-        self.name = name
+        self.name, self._patience = name, patience
         self.node = Node("smartmesh_view", use_global_arguments=False)
         self._executor = EventsExecutor()
         self._executor.add_node(self.node)
@@ -158,14 +162,25 @@ class Remote:
         there = ", ".join(colliders(self.node)) or "none"
         return f"there is no node {self.name} in DDS domain {domain} (ROS_DOMAIN_ID); running: {there}"
 
-    def call(self, service: str, done: Callable[[str], None], **fields: Any) -> None:
-        """Call one of `SERVICES`. ``done`` gets the reason of a refusal, or "" after success."""
+    def wait_for(self, condition: Callable[[], Any], what: str) -> Any:
+        """Return a condition's value once it is true. Raises `InputError` after the remote's ``patience``."""
+        end = monotonic() + self._patience
+        while not (found := condition()):
+            if monotonic() > end:
+                raise InputError("timeout", self.missing or f"no {what} after {self._patience:g} s")
+            self.spin(0.02)
+        return found
+
+    def call(self, service: str, **fields: Any) -> str:
+        """Call one of `SERVICES`; return what the node says on success. Raises `InputError` if the call is refused, or
+        not answered."""
         client = self.clients[service]
-        if not client.service_is_ready():
-            done(f"there is no service {self.name}/{service}: is the node running?")
-            return
+        self.wait_for(client.service_is_ready, f"service {client.srv_name}")
         future = client.call_async(client.srv_type.Request(**fields))
-        future.add_done_callback(lambda _: done("" if future.result().success else future.result().message))
+        self.wait_for(future.done, f"answer of {client.srv_name}")
+        if not future.result().success:
+            raise InputError("refused", future.result().message)
+        return str(future.result().message)
 
     def apply_waiting(self) -> None:
         """Apply all received messages to ``ground`` and ``sight``. Malformed ones are skipped, because the node reports
