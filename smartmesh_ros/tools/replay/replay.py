@@ -90,7 +90,7 @@ class Replay:
         self.clock.elapsed = -self.world.dt
         self.collider.pacer.restart()
         self.clock.elapsed = 0.0
-        self._digest, self._digested = Digest(self.world), self.world.time
+        self._digest = Digest(self.world)
 
     def __enter__(self) -> Replay:
         return self
@@ -191,9 +191,7 @@ class Replay:
         while self.node.deliver_waiting() or len(turns):
             if len(turns) and not self.collider.turn():
                 sleep(1e-3)  # for a robot that is being prepared
-        if self.world.time != self._digested:
-            self._digested = self.world.time
-            self._digest.count()
+        self._digest.note()
 
     def _take(self, record: Record) -> None:
         refusals = self.collider.refusals

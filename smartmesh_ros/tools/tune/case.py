@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -28,17 +27,6 @@ from smartmesh_ros.world.world import World
 LONGEST = 5.0
 
 
-class Truth(ABC):
-    """The true ground of a run."""
-
-    def note(self, world: World, *, measured: bool) -> None:  # noqa: B027  the ground of a scene is known without
-        """Look at the world after each step and message; ``measured``: at the instant of a snapshot."""
-
-    @abstractmethod
-    def at(self, time: float) -> list[Surface]:
-        """Return the true surfaces at a time [s] of the run, which may be over and does not decrease."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Case:
     """A scene or a bag, to be run in any process. ``source``: a scene's file or a bag. ``parameters``: those that all
@@ -61,7 +49,7 @@ class Case:
         """Time at which bodies are compared with a run at small steps [s]; later, contacts make motion chaotic."""
         return min(1.0, self.length)
 
-    def start(self, values: Mapping[str, Any]) -> tuple[Replay, Truth]:
+    def start(self, values: Mapping[str, Any]) -> tuple[Replay, SceneGround | RecordedGround]:
         """Return a replay with these parameters at its beginning, and its true ground; raise `InputError`."""
         parameters = {**self.parameters, **values}
         if self.source.suffix != ".yaml":
@@ -109,19 +97,23 @@ def maps_of(scene: Scene) -> list[tuple[str, float, Any]]:
     return found
 
 
-class SceneGround(Truth):
-    """The ground of a scene, which is known at any time."""
+class SceneGround:
+    """The true ground of a scene."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene, self._ground = scene, scene.make_ground()
 
+    def note(self, world: World, *, measured: bool) -> None:
+        """Do nothing: the ground is known at any time."""
+
     def at(self, time: float) -> list[Surface]:
+        """Return the true surfaces at a time [s] of the run, which may be over and does not decrease."""
         scene = self._scene
         return [scene.surface(np.array(self._ground.heights(time if scene.moves else 0.0)), time)]
 
 
-class RecordedGround(Truth):
-    """The ground of a bag: interpolated between the map before and the map after an instant. Where changes are
+class RecordedGround:
+    """The true ground of a bag: interpolated between the map before and the map after an instant. Where changes are
     corrections, it is the ground that the node shows, which approaches the corrected one over ``terrain.settle``."""
 
     def __init__(self) -> None:
@@ -129,6 +121,7 @@ class RecordedGround(Truth):
         self._revisions: dict[str, int] = {}
 
     def note(self, world: World, *, measured: bool) -> None:
+        """Look at the world after each step and message; ``measured``: at the instant of a snapshot."""
         for name, tile in world.terrain.tiles.items():
             if not isinstance(tile, HeightMap):
                 continue
@@ -139,6 +132,7 @@ class RecordedGround(Truth):
                 self._maps[name].append((tile.time, Surface(tile.geometry, tile.heights.copy())))
 
     def at(self, time: float) -> list[Surface]:
+        """Return the surfaces at a time [s] of a run that is over."""
         return [_between(maps, time) for maps in self._maps.values() if maps[0][0] <= time]
 
 
