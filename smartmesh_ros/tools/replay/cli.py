@@ -18,6 +18,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.running import Stop
 from smartmesh_ros.startup.arguments import Parser
 from smartmesh_ros.startup.remappings import refuse_expanded
 from smartmesh_ros.tools.replay.bag import Bag
@@ -47,7 +48,9 @@ def ended(
     needs: str,
 ) -> int:
     """Run a command by its ``arguments``, None = those of the process; return its exit code, 2 if it refuses them or
-    one of the packages that it ``needs`` is missing."""
+    one of the packages that it ``needs`` is missing, 130 if a signal interrupts it."""
+    if arguments is None:
+        Stop()  # the first signal raises KeyboardInterrupt; later ones leave child processes the time to end
     given = [word for word in (sys.argv[1:] if arguments is None else arguments) if word != "--ros-args"]
     options = parser.parse_args(given)
     try:
@@ -58,6 +61,9 @@ def ended(
         print(f"{parser.prog} needs {error.name}: pip install {needs}", file=sys.stderr)
     except InputError as error:
         print(f"{parser.prog}: {error}", file=sys.stderr)
+    except KeyboardInterrupt:
+        print("\ninterrupted", file=sys.stderr)
+        return INTERRUPTED
     return 2
 
 
