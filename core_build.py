@@ -96,9 +96,9 @@ def configured(*settings: str) -> Path:
     return folder
 
 
-def build(target: Path, *settings: str) -> None:
-    """Write the library ``target``; build it, with ``settings`` for CMake, unless build/core has it. Raises as
-    `configured`."""
+def build(target: Path = ROOT / CORE / LIBRARY, *settings: str) -> Path:
+    """Write the library ``target``, in place for running from a checkout, and return it; build it, with ``settings``
+    for CMake, unless build/core has it. Raises as `configured`."""
     library = ROOT / "build" / "core" / _digest(settings) / "_core.so"
     if not library.is_file():
         folder = configured(*settings)
@@ -110,10 +110,11 @@ def build(target: Path, *settings: str) -> None:
     part = target.with_suffix(f".{os.getpid()}")  # a library that is loaded somewhere must not be written over
     shutil.copy2(library, part)
     part.replace(target)
+    return target
 
 
 if __name__ == "__main__":
     if sys.argv[1:] == ["--bullet"]:
         print(bullet_sources())
-    else:  # in place, for running from a checkout
-        build(ROOT / CORE / LIBRARY)
+    else:
+        build()

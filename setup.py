@@ -5,7 +5,6 @@ import os
 import shutil
 import subprocess
 import sys
-from functools import cache
 from pathlib import Path
 
 from setuptools import Distribution, find_packages, setup
@@ -61,26 +60,17 @@ if (there := installed_pybullet()) is not None:
     PYBULLET = there[:1]
 
 
-@cache
-def core() -> Path:
-    """Builds the core in place and returns the library. Ends the build if that fails."""
-    library = ROOT / core_build.CORE / core_build.LIBRARY
-    core_build.build(library)
-    return library
-
-
 class BuildWithCore(build_py):
     """Copies the package and its core, and nothing that an earlier build left."""
 
     def run(self) -> None:
         """Runs the command."""
-        if self.editable_mode:
-            super().run()
-            core()
-            return
-        shutil.rmtree(Path(self.build_lib) / NAME, ignore_errors=True)
+        if not self.editable_mode:
+            shutil.rmtree(Path(self.build_lib) / NAME, ignore_errors=True)
         super().run()
-        shutil.copy2(core(), Path(self.build_lib) / core_build.CORE)
+        library = core_build.build()
+        if not self.editable_mode:
+            shutil.copy2(library, Path(self.build_lib) / core_build.CORE)
 
     def get_outputs(self, include_bytecode: bool = True) -> list[str]:
         """All files that are copied, the core among them."""
@@ -95,7 +85,7 @@ class DevelopWithCore(develop):
         """Runs the command."""
         super().run()
         if not self.uninstall:
-            core()
+            core_build.build()
 
 
 class InstallAnew(install_lib):

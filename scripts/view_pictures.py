@@ -5,18 +5,17 @@ without the page's panel; `make pictures`."""
 import math
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
 import numpy as np
-import rclpy
 from playwright.sync_api import sync_playwright
 
 from scripts.browser import FLAGS, find_browser
-from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
-from smartmesh_ros.tools.client.remote import OUTPUTS, Remote
+from smartmesh_ros.startup.dds import isolated_unless_chosen
+from smartmesh_ros.tools.client.remote import OUTPUTS, Remote, following
 from smartmesh_ros.tools.demo.demo import ROBOT, Demo, demo_running
 from smartmesh_ros.tools.view.camera import Camera
 from smartmesh_ros.tools.view.page import Page
@@ -106,21 +105,17 @@ class Stage:
 @contextmanager
 def stage(path: str) -> Iterator[Stage]:
     """Run the demo, the page and a browser for the length of the block."""
-    use_large_message_profile()
-    with isolated_unless_chosen():
-        rclpy.init()
-        remote = Remote("/terrain_collider")
-        page = Page(remote, "localhost", 0)
-        with sync_playwright() as driver:
-            browser = driver.chromium.launch(executable_path=path, args=list(FLAGS))
-            opened = browser.new_page(viewport=TINY)  # costs the node almost no processor time
-            opened.goto(page.url)
-            with demo_running(remote) as demo:
-                yield Stage(demo, remote, page, opened)
-            browser.close()
-        page.close()
-        remote.close()
-        rclpy.try_shutdown()
+    with (
+        isolated_unless_chosen(),
+        following("/terrain_collider", "pictures", sys.argv) as (remote, _),
+        closing(Page(remote, "localhost", 0)) as page,
+        sync_playwright() as driver,
+        closing(driver.chromium.launch(executable_path=path, args=list(FLAGS))) as browser,
+    ):
+        opened = browser.new_page(viewport=TINY)  # costs the node almost no processor time
+        opened.goto(page.url)
+        with demo_running(remote) as demo:
+            yield Stage(demo, remote, page, opened)
 
 
 def main() -> None:

@@ -43,21 +43,13 @@ CASES: dict[str, tuple[list[str], Callable[[], Iterator[Message]]]] = {
 
 def speed(bodies: list[str], messages: list[Message], topics: tuple[str, ...] | None) -> float:
     """Return simulated seconds per second of processor time, with outputs (None = all) written to a file."""
-    from smartmesh_ros.tools.replay.bag import Messages
     from smartmesh_ros.tools.replay.mcap_file import McapFile
     from smartmesh_ros.tools.replay.replay import Replay
-    from smartmesh_ros.tools.replay.transport import Names
 
-    names = Names()
     with tempfile.TemporaryDirectory() as folder:
         file = None if topics == () else McapFile(Path(folder) / "out.mcap")
-
-        def record(publisher: Any) -> Any:
-            wanted = topics is None or publisher.topic_name in map(names.full, topics)
-            return (lambda time, data: file.write(publisher, time, data)) if file is not None and wanted else None
-
-        source = Messages(messages, names.node)
-        with Replay(source, {"bodies.spawn": bodies}, record=record) as replay, file or nullcontext():
+        replaying = Replay(messages, {"bodies.spawn": bodies}, file=file, topics=topics or ())
+        with replaying as replay, file or nullcontext():
             replay.run(BEGIN)
             start = process_time()
             replay.run(LENGTH)

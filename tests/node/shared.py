@@ -35,7 +35,6 @@ from smartmesh_ros.node.services.turns import Work
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, heightmap_message, pose_message
-from smartmesh_ros.tools.testing.replaying import replayed
 
 ROOT = Path(__file__).parents[2]
 LISTS = {spec.name for spec in SPECS if isinstance(spec.default, list)}
@@ -267,7 +266,7 @@ def fed(parameters: Mapping[str, Any], arguments: Sequence[str] = ()) -> Iterato
 
 def on_level(parameters: Mapping[str, Any] | None = None, *more: Any, keep: Collection[str] = ()) -> Replay:
     """A replay on level ground, 10 m wide from the origin on; ``more``: (topic, time [s], message)."""
-    return replayed([("heightmap", 0.0, heightmap_message(np.zeros((101, 101)))), *more], parameters, keep=keep)
+    return Replay([("heightmap", 0.0, heightmap_message(np.zeros((101, 101)))), *more], parameters, keep=keep)
 
 
 def told(run: Replay, task: str) -> dict[str, str]:

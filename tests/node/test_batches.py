@@ -13,8 +13,8 @@ from smartmesh_ros import Terrain, World
 from smartmesh_ros.node.inputs.conversions import shape_of_primitive, state_from
 from smartmesh_ros.node.services.turns import NextTurn, Turns, Work
 from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
+from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
-from smartmesh_ros.tools.testing.replaying import replayed
 from tests.node.shared import BALL, box, fed, show_map
 from tests.node.test_ground_services import HILLS, LOW, RESOLUTION, hills
 
@@ -42,7 +42,7 @@ def test_what_is_put_onto_the_ground_stands_as_in_a_world() -> None:
 
 def test_one_bad_body_keeps_all_out_and_every_bad_one_is_named() -> None:
     """As a name that is not there keeps all in."""
-    with replayed([("heightmap", 0.0, heightmap_message(**FLAT))]) as run:
+    with Replay([("heightmap", 0.0, heightmap_message(**FLAT))]) as run:
         run.run(0.1)
 
         def spawned(*bodies: BodySpecification) -> Any:
@@ -110,7 +110,7 @@ def test_the_parameter_spawns_bodies_once_there_is_ground_for_them() -> None:
     ]
     parameters = {"bodies.spawn": bodies, "physics.gravity": [0.0, 0.0, 0.0]}
     message = heightmap_message(HILLS, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
-    with replayed([("heightmap", 0.0, message)], parameters) as run:
+    with Replay([("heightmap", 0.0, message)], parameters) as run:
         assert run.world.bodies.keys() == {"low"}
         run.run(0.1)
         ball, box, high = (run.world.state(name) for name in ("ball", "box", "high"))

@@ -12,8 +12,8 @@ from smartmesh_msgs.msg import ColliderPatchArray, TrackedBody, TrackedBodyArray
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.tools.client import PatchClient, TrackedLink
+from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
-from smartmesh_ros.tools.testing.replaying import replayed
 from tests.node.shared import changed
 
 SHARED = {"publish.patches": 60.0, "publish.incremental": True, "terrain.motion": "hold", "bodies.timeout": 1.0}
@@ -37,7 +37,7 @@ def test_a_patch_is_moved_on_with_its_ground_and_grows_old(client: PatchClient) 
     body = TrackedBody(id="left", pose=pose_message((1.0, 1.0, 0.5)), radius=0.5)
     given: list[Any] = [("tracked_bodies", time, TrackedBodyArray(bodies=[body])) for time in np.arange(0.0, 1.0, 0.05)]
     given += [("heightmap", t, heightmap_message((rise + tilt * x) * t, resolution=RESOLUTION)) for _, t, _ in given]
-    with replayed(sorted(given, key=itemgetter(1)), keep=["collider_patches"]) as run:
+    with Replay(sorted(given, key=itemgetter(1)), keep=["collider_patches"]) as run:
         run.run()
         client._on_bytes(serialize_message(run.received("collider_patches")[-1]))
     stamp = client.patch("left").stamp

@@ -18,7 +18,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.transport import colliders
 from smartmesh_ros.startup.executables import STARTED_BY_NAME
 from smartmesh_ros.tools.client import command
-from smartmesh_ros.tools.client.remote import Remote
+from smartmesh_ros.tools.client.remote import CHECK_PERIOD, Remote
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, heightmap_message
 from tests.node.shared import changed, position_of, show_map, wait_until
 from tests.urdfs import link, mesh, robot
@@ -31,7 +31,7 @@ COMMAND = Path(get_package_prefix("smartmesh_ros")) / "bin" / "smartmesh"
 def remote(shared_node: tuple[Probe, Process]) -> Iterator[Remote]:
     """The node as all commands of the module see it: each process of its own would have to discover it first."""
     rclpy.init()
-    with closing(Remote(shared_node[0].collider)) as made:
+    with closing(Remote(shared_node[0].collider, 20.0)) as made:
         yield made
     rclpy.try_shutdown()
 
@@ -45,7 +45,7 @@ def smartmesh(remote: Remote, capfd: pytest.CaptureFixture[str]) -> Command:
         remote.spin(0.05)
         capfd.readouterr()
         try:
-            return str(options.act(command.Caller(remote, 20.0), options)) or capfd.readouterr().out.strip()
+            return str(options.act(remote, options)) or capfd.readouterr().out.strip()
         except InputError as error:
             return f"refused: {error}"
 
@@ -149,22 +149,33 @@ def test_physics_and_parameters_are_set(shared: Probe, smartmesh: Command) -> No
     assert "back where they were spawned" in smartmesh("reset")
 
 
+def test_a_command_receives_no_maps(shared: Probe, remote: Remote, smartmesh: Command) -> None:
+    """Each one of 64 MiB would delay the machine."""
+    show_map(shared, np.zeros((60, 60)))
+    assert smartmesh("pause") == "paused" and smartmesh("resume") == "running"
+    remote.spin(1.1 * CHECK_PERIOD)
+    assert not [one.topic_name for one in remote.node.subscriptions if "heightmap" in one.topic_name]
+
+
 def test_a_node_is_named_or_those_that_run_are(shared: Probe, remote: Remote) -> None:
     """``remote`` has made the context that the other one needs."""
     assert whole("--node", shared.collider, "list") == "no bodies"
-    with closing(Remote("/terrain_collider")) as other:
+    with closing(Remote("/terrain_collider", 0.2)) as other:
         wait_until(lambda: other.spin(0.05) or colliders(other.node))
         options = command.parser().parse_args(["pause"])
         with pytest.raises(InputError) as missing:
-            options.act(command.Caller(other, 0.2), options)
+            options.act(other, options)
     assert f"there is no node /terrain_collider in DDS domain {os.environ['ROS_DOMAIN_ID']}" in str(missing.value)
     assert f"running: {shared.collider}" in str(missing.value)
 
 
-def test_a_topic_that_is_misspelt_is_answered_by_the_one_that_may_be_meant(shared: Probe, remote: Remote) -> None:
+def test_a_topic_that_is_misspelt_is_answered_by_the_one_that_may_be_meant(
+    shared: Probe, remote: Remote, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(remote, "_patience", 1.0)
     options = command.parser().parse_args(["echo", "body_state", "--once"])
     with pytest.raises(InputError, match=f"no topic .*/body_state .*; did you mean '{shared.collider}/body_states'"):
-        options.act(command.Caller(remote, 1.0), options)
+        options.act(remote, options)
 
 
 def test_negative_numbers_are_no_options() -> None:

@@ -11,7 +11,6 @@ from std_srvs.srv import Trigger
 from smartmesh_ros import BodyState, Sphere
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import floats, heightmap_message, pose_message
-from smartmesh_ros.tools.testing.replaying import replayed
 from tests.node.shared import BALL, fed, on_level, told
 
 HOLES = heightmap_message(np.full((30, 30), np.nan))
@@ -75,7 +74,7 @@ def test_a_map_of_holes_is_told_until_there_is_ground_and_again_when_a_region_ta
     """Once each time in the log."""
     region = HeightmapUpdate(x=5, y=5, width=3, height=3)
     words = "the map has no ground: all its 900 heights are NaN"
-    with replayed([("heightmap", 0.0, HOLES)], keep=["/diagnostics"]) as run:
+    with Replay([("heightmap", 0.0, HOLES)], keep=["/diagnostics"]) as run:
 
         def says() -> str:
             run.run(run.time + 4.0)

@@ -18,7 +18,6 @@ from smartmesh_ros.terrain.height_scan import yaws_of
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.score.terrain_score import TerrainScore
 from smartmesh_ros.tools.testing import heightmap_message
-from smartmesh_ros.tools.testing.replaying import replayed
 from smartmesh_ros.world.height_scanner import HeightScanner
 from tests import urdfs
 from tests.grid_maps import grid_map_message
@@ -139,7 +138,7 @@ def on_hills(parameters: dict[str, Any], *topics: str) -> Replay:
     """A run on hills, of which these height scans have a subscriber."""
     ground = heightmap_message(HILLS, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
     keep = [f"height_scan/{topic}" for topic in topics]
-    return replayed([("heightmap", 0.0, ground)], {**parameters, "terrain.motion": "hold"}, keep=keep)
+    return Replay([("heightmap", 0.0, ground)], {**parameters, "terrain.motion": "hold"}, keep=keep)
 
 
 def test_scans_of_all_kinds_of_bodies_are_the_ground_around_them() -> None:

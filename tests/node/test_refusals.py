@@ -19,8 +19,8 @@ from smartmesh_ros import BodyState, Sphere
 from smartmesh_ros.node import session
 from smartmesh_ros.node.inputs import cdr_reader, terrain_inputs
 from smartmesh_ros.node.timing.pacing import stamp_of
+from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import assert_cannot_start, floats, heightmap_message, layer_message, pose_message
-from smartmesh_ros.tools.testing.replaying import replayed
 from tests.node.shared import BALL, Fed, Logged, fed, stamped
 
 GOOD = np.random.default_rng(1).normal(size=(40, 30)) * 0.2
@@ -160,7 +160,7 @@ def test_moving_ground_goes_on_though_a_map_of_another_clock_is_refused(now: lis
 
 
 def test_bad_spawns_are_answered_with_what_is_wrong() -> None:
-    with replayed([("heightmap", 0.0, heightmap_message(GOOD))]) as run:
+    with Replay([("heightmap", 0.0, heightmap_message(GOOD))]) as run:
         run.run()
         usual = {"id": "new", "shape": BALL, "mass": 1.0, "pose": pose_message((0, 0, 1))}
         assert run.call("spawn_body", SpawnBody.Request(**usual | {"id": "ball"})).success
@@ -181,7 +181,7 @@ def test_sizes_are_capped(monkeypatch: pytest.MonkeyPatch) -> None:
     def tile(side: int, name: str) -> Heightmap:
         return heightmap_message(np.zeros((side, 30)), tile=name, origin=(50.0, 0.0, 0.0))
 
-    with replayed([("heightmap", 0.0, tile(30, ""))]) as run:
+    with Replay([("heightmap", 0.0, tile(30, ""))]) as run:
         run.run()
         assert not run.refused
         for side, name in ((40, "large in all tiles together"), (67, "large"), (10, "x" * 257)):

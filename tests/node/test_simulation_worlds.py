@@ -17,7 +17,6 @@ from smartmesh_msgs.srv import QueryGround, StartEpisode
 from smartmesh_ros.node.services import simulation_services
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import Probe, heightmap_message
-from smartmesh_ros.tools.testing.replaying import replayed
 from tests.node.shared import changed, fed
 from tests.node.test_simulation_services import OK, ROVER, ask, done, entities, placed, pose_of, set_state, state
 from tests.urdfs import link, mesh, robot
@@ -171,7 +170,7 @@ def run_with(folder: Path, *, without: tuple[str, ...] = (), later: tuple[str, .
     ground = [("heightmap", 0.0, heightmap_message(np.zeros((9, 9))))]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(simulation_services, "find_interfaces", lambda _, kind: found.get(kind))
-        with replayed(ground, parameters) as run:
+        with Replay(ground, parameters) as run:
             yield run
 
 

@@ -21,7 +21,6 @@ from std_srvs.srv import SetBool
 from smartmesh_ros import BodyState
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
-from smartmesh_ros.tools.testing.replaying import replayed
 from tests.node.shared import BALL, Logged, fed, on_level, seconds
 from tests.urdfs import HUSKY, ROVER, link, robot
 
@@ -203,7 +202,7 @@ def test_a_fresh_node_goes_on_with_the_bodies_of_the_state_and_no_others() -> No
     parameters = {"bodies.spawn": spawned, "robot.start": ["{id: rover, xy: [4.0, 4.0]}"]}
     small, large = (("heightmap", 0.0, heightmap_message(np.zeros((60, n)))) for n in (60, 120))
     described = [("robot_description", 0.0, String(data=robot(link(name)))) for name in ("base", "chassis")]
-    with replayed([small, described[0]], parameters) as saver, replayed([described[0]], parameters) as fresh:
+    with Replay([small, described[0]], parameters) as saver, Replay([described[0]], parameters) as fresh:
         saver.run(1.0)
         assert [*saver.world.bodies] == ["a", "b", "rover"]
         assert saver.call("remove_body", RemoveBody.Request(id="b")).success

@@ -23,8 +23,8 @@ from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.client import command
+from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
-from smartmesh_ros.tools.testing.replaying import replayed
 from tests.grid_maps import grid_map_message
 from tests.launch_files import Recorded, stand_ins
 from tests.node.shared import ROOT, blocks, fed, running, stamped, transform_message, wait_until
@@ -91,7 +91,7 @@ def test_the_walk_of_the_first_page_leads_over_the_hill_again_in_a_replay(
     parameters, _, bag = the_walk(tmp_path, monkeypatch)
     assert parameters["service_introspection"] == "contents", "or the bag would have no robot"
     exec(compile(bag, "bag.py", "exec"), {})
-    with replayed("my_bag", parameters) as run:
+    with Replay("my_bag", parameters) as run:
         run.run()
         assert not run.refused
         assert run.world.state("rover").position[2] > 0.75

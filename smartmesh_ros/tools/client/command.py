@@ -15,7 +15,6 @@ import argparse
 import math
 import sys
 from collections.abc import Callable
-from contextlib import closing
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -24,19 +23,16 @@ import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile
-from rclpy.utilities import try_shutdown
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import TrackedBody
 
 from smartmesh_ros.errors import InputError, suggestion
 from smartmesh_ros.node.parameters.helping import own_arguments
-from smartmesh_ros.node.running import Stop, init
 from smartmesh_ros.node.transport import colliders
 from smartmesh_ros.startup.arguments import Parser, number
-from smartmesh_ros.startup.dds import use_large_message_profile
 from smartmesh_ros.startup.executables import STARTED_BY_NAME
 from smartmesh_ros.tools.client.parameters import parameter_from
-from smartmesh_ros.tools.client.remote import BEST, Remote
+from smartmesh_ros.tools.client.remote import BEST, Remote, following
 from smartmesh_ros.tools.client.robot_text import text_of
 from smartmesh_ros.tools.client.sight import KINDS
 from smartmesh_ros.tools.messages import pose_message
@@ -54,41 +50,16 @@ LEVELS = {DiagnosticStatus.OK: "ok", DiagnosticStatus.WARN: "warning", Diagnosti
 DISCOVERY = 1.0
 
 
-class Caller:
-    """Asks a node; whatever is refused, or not answered within a ``patience`` [s], raises `InputError`."""
-
-    def __init__(self, remote: Remote, patience: float) -> None:
-        self.remote, self._patience = remote, patience
-
-    def wait_for(self, condition: Callable[[], Any], what: str) -> Any:
-        """Return a condition's value once it is true."""
-        end = monotonic() + self._patience
-        while not (found := condition()):
-            if monotonic() > end:
-                raise InputError("timeout", self.remote.missing or f"no {what} after {self._patience:g} s")
-            self.remote.spin(0.02)
-        return found
-
-    def messages(self, topic: str, kind: Any, *, raw: bool = False) -> list[Any]:
-        """Subscribe to a topic, wait for a message, and return the list of all, which grows."""
-        node, came = self.remote.node, list[Any]()
-        self.wait_for(lambda: node.count_publishers(topic), f"publisher of {topic}")
-        node.create_subscription(kind, topic, came.append, QoSProfile(depth=10, **BEST), raw=raw)
-        self.wait_for(lambda: came, f"message on {topic}")
-        return came
-
-    def call(self, service: str, **fields: Any) -> str:
-        """Call a service of the node; return what it says on success."""
-        client = self.remote.clients[service]
-        self.wait_for(client.service_is_ready, f"service {client.srv_name}")
-        future = client.call_async(client.srv_type.Request(**fields))
-        self.wait_for(future.done, f"answer of {client.srv_name}")
-        if not future.result().success:
-            raise InputError("refused", future.result().message)
-        return str(future.result().message)
+def messages(remote: Remote, topic: str, kind: Any, *, raw: bool = False) -> list[Any]:
+    """Subscribe to a topic, wait for a message, and return the list of all, which grows."""
+    node, came = remote.node, list[Any]()
+    remote.wait_for(lambda: node.count_publishers(topic), f"publisher of {topic}")
+    node.create_subscription(kind, topic, came.append, QoSProfile(depth=10, **BEST), raw=raw)
+    remote.wait_for(lambda: came, f"message on {topic}")
+    return came
 
 
-def spawn(caller: Caller, options: argparse.Namespace) -> str:
+def spawn(remote: Remote, options: argparse.Namespace) -> str:
     """Spawn a body or a robot."""
     fields: dict[str, Any] = {"id": options.name, "mass": options.mass, "on_ground": options.z is None}
     fields |= {"clearance": options.clearance, "align": options.align}
@@ -98,28 +69,22 @@ def spawn(caller: Caller, options: argparse.Namespace) -> str:
     elif chosen:
         fields["shape"] = SolidPrimitive(type=SHAPES[chosen[0]][0], dimensions=getattr(options, chosen[0]))
     fields["pose"] = pose_message((*options.at, options.z or 0.0), options.yaw)
-    return caller.call("spawn_body", **fields) or f"{options.name} is there"
+    return remote.call("spawn_body", **fields) or f"{options.name} is there"
 
 
-def remove(caller: Caller, options: argparse.Namespace) -> str:
-    """Remove bodies."""
-    caller.call("remove_bodies", ids=options.names)
-    return ""
-
-
-def show_bodies(caller: Caller, _: argparse.Namespace) -> str:
+def show_bodies(remote: Remote, _: argparse.Namespace) -> str:
     """Return the bodies of the node, a line each."""
-    sight, lines = caller.remote.sight, []
+    sight, lines = remote.sight, []
     topics = ("body_descriptions", "body_states")
-    came = {topic: caller.messages(f"{caller.remote.name}/{topic}", KINDS[topic], raw=True) for topic in topics}
+    came = {topic: messages(remote, f"{remote.name}/{topic}", KINDS[topic], raw=True) for topic in topics}
 
     def complete() -> bool:
         """Whether the bodies of the newest messages are the same: a latched description may be an old one."""
-        for topic, messages in came.items():
-            sight.take(topic, messages[-1])
+        for topic, received in came.items():
+            sight.take(topic, received[-1])
         return sight.poses.keys() == {name for name, body in sight.appearances.items() if not body.tracked}
 
-    caller.wait_for(complete, "description of all bodies")
+    remote.wait_for(complete, "description of all bodies")
     kinds = {number: name for name, (number, _) in SHAPES.items()}
     for name, body in sight.appearances.items():
         kind = kinds.get(body.shape, "robot")
@@ -133,19 +98,18 @@ def show_bodies(caller: Caller, _: argparse.Namespace) -> str:
     return "\n".join(lines) or "no bodies"
 
 
-def echo(caller: Caller, options: argparse.Namespace) -> str:
+def echo(remote: Remote, options: argparse.Namespace) -> str:
     """Print messages of a topic of the node as YAML."""
-    remote, topic = caller.remote, options.topic
-    full = topic if topic.startswith("/") else f"{remote.name}/{topic}"
+    full = options.topic if options.topic.startswith("/") else f"{remote.name}/{options.topic}"
 
     def known() -> dict[str, list[str]]:
         return dict(remote.node.get_topic_names_and_types())
 
     try:
-        types = caller.wait_for(lambda: known().get(full), f"topic {full}")
+        types = remote.wait_for(lambda: known().get(full), f"topic {full}")
     except InputError as error:
         raise InputError("timeout", f"{error}{suggestion(full, known())}") from None
-    came = caller.messages(full, class_of(types[0]))
+    came = messages(remote, full, class_of(types[0]))
     while True:
         for message in came[:1] if options.once else came:
             print(yaml.safe_dump(plain(message), sort_keys=False, default_flow_style=None, width=120), end="---\n")
@@ -167,13 +131,13 @@ def plain(value: Any) -> Any:
     return items if len(value) <= MOST_PRINTED else [*items, f"... {len(value) - MOST_PRINTED} more"]
 
 
-def param(caller: Caller, options: argparse.Namespace) -> str:
+def param(remote: Remote, options: argparse.Namespace) -> str:
     """Get a parameter, all of them, or set one."""
-    client = caller.remote.parameters
-    caller.wait_for(client.services_are_ready, "services for parameters")
+    client = remote.parameters
+    remote.wait_for(client.services_are_ready, "services for parameters")
 
     def answer(future: Any) -> Any:
-        return caller.wait_for(lambda: future.done() and future.result(), "answer")
+        return remote.wait_for(lambda: future.done() and future.result(), "answer")
 
     def known() -> list[str]:
         return sorted(answer(client.list_parameters([], 0)).result.names)
@@ -188,16 +152,16 @@ def param(caller: Caller, options: argparse.Namespace) -> str:
     values = answer(client.get_parameters(names)).values
     if len(values) != len(names):
         hint = suggestion(options.name, known())
-        raise InputError("parameter", f"{caller.remote.name} has no parameter {options.name!r}{hint}")
+        raise InputError("parameter", f"{remote.name} has no parameter {options.name!r}{hint}")
     plain_values = [parameter_value_to_python(value) for value in values]
     if options.name is not None:
         return str(plain_values[0])
     return "\n".join(f"{name}: {value}" for name, value in zip(names, plain_values, strict=True))
 
 
-def status(caller: Caller, _: argparse.Namespace) -> str:
+def status(remote: Remote, _: argparse.Namespace) -> str:
     """Return what the node's diagnostics say."""
-    tasks = caller.wait_for(lambda: caller.remote.tasks, "diagnostics")
+    tasks = remote.wait_for(lambda: remote.tasks, "diagnostics")
     lines = []
     for name, task in tasks.items():
         lines.append(f"{name}: {LEVELS.get(task.level, '?')}, {task.message}")
@@ -205,25 +169,25 @@ def status(caller: Caller, _: argparse.Namespace) -> str:
     return "\n".join(lines)
 
 
-def show_nodes(caller: Caller, _: argparse.Namespace) -> str:
+def show_nodes(remote: Remote, _: argparse.Namespace) -> str:
     """Return the names of the running nodes, once no more are discovered: they are, one after the other."""
-    found = caller.wait_for(lambda: colliders(caller.remote.node), "node")
+    found = remote.wait_for(lambda: colliders(remote.node), "node")
     changed = monotonic()
     while monotonic() < changed + DISCOVERY:
-        caller.remote.spin(0.02)
-        if (now := colliders(caller.remote.node)) != found:
+        remote.spin(0.02)
+        if (now := colliders(remote.node)) != found:
             found, changed = now, monotonic()
     return "\n".join(found)
 
 
-def run(_: Caller, options: argparse.Namespace) -> str:
+def run(_: Remote, options: argparse.Namespace) -> str:
     """Refuse options before the word run; without any, `executables.smartmesh` starts the executable."""
     raise InputError("arguments", f"put no option before run: smartmesh run {options.executable} ...")
 
 
-def say(service: str, **fields: Any) -> Callable[[Caller, argparse.Namespace], str]:
+def say(service: str, **fields: Any) -> Callable[[Remote, argparse.Namespace], str]:
     """Return the action that calls a service."""
-    return lambda caller, _: caller.call(service, **fields)
+    return lambda remote, _: remote.call(service, **fields)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -234,7 +198,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--timeout", type=patience, default=10.0, help="longest wait for it [s] (%(default)s)")
     commands = made.add_subparsers(required=True, metavar="COMMAND")
 
-    def command(name: str, words: str, act: Callable[[Caller, argparse.Namespace], str]) -> Any:
+    def command(name: str, words: str, act: Callable[[Remote, argparse.Namespace], str]) -> Any:
         found = commands.add_parser(name, help=words, description=words)
         found.set_defaults(act=act)
         return found
@@ -255,7 +219,8 @@ def parser() -> argparse.ArgumentParser:
     spawns.add_argument("--clearance", type=float, default=0.0, help="of the lowest point above the ground [m]")
     spawns.add_argument("--align", action="store_true", help="tilt it with the ground")
     spawns.add_argument("--yaw", type=number(float, -1000.0, 1000.0), default=0.0, help="turn about z [rad]")
-    command("remove", "remove bodies", remove).add_argument("names", nargs="+", metavar="NAME")
+    removes = command("remove", "remove bodies", lambda remote, o: remote.call("remove_bodies", ids=o.names))
+    removes.add_argument("names", nargs="+", metavar="NAME")
     echoes = command("echo", "print a topic of the node, such as body_states", echo)
     echoes.add_argument("topic")
     echoes.add_argument("--once", action="store_true", help="one message")
@@ -266,7 +231,7 @@ def parser() -> argparse.ArgumentParser:
     command("pause", "pause the physics", say("pause", data=True))
     command("resume", "let it run", say("pause", data=False))
     command("reset", "put bodies back to where they were spawned", say("reset"))
-    steps = command("step", "run steps of a paused physics", lambda caller, o: caller.call("step", steps=o.count))
+    steps = command("step", "run steps of a paused physics", lambda remote, o: remote.call("step", steps=o.count))
     steps.add_argument("count", nargs="?", type=number(int, 1, 100_000), default=1)
     return made
 
@@ -275,16 +240,6 @@ def main(args: list[str] | None = None) -> None:
     """Do what a command line asks for."""
     given = sys.argv if args is None else ["smartmesh", *args]
     options = parser().parse_args(own_arguments(given))
-    use_large_message_profile()
-    init(given)
-    Stop()
-    try:
-        with closing(Remote("/" + options.node.strip("/"))) as remote:
-            if words := options.act(Caller(remote, options.timeout), options):
-                print(words)
-    except InputError as error:
-        sys.exit(f"smartmesh: {error}")
-    except KeyboardInterrupt:
-        pass
-    finally:
-        try_shutdown()
+    with following(options.node, "smartmesh", given, options.timeout) as (remote, _):
+        if words := options.act(remote, options):
+            print(words)

@@ -8,21 +8,21 @@ from visualization_msgs.msg import Marker
 
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.tools.client.sight import Pose, TrackedMarkers
+from smartmesh_ros.tools.client.sight import Pose
 
 
-def drawn_scene(scene: bytes) -> tuple[FloatArray | None, TrackedMarkers]:
+def drawn_scene(scene: bytes) -> tuple[FloatArray | None, list[Pose]]:
     """Return the corners (n, 3) [m] of the triangles of ground in a MarkerArray, None = it has none, because the ground
-    has not changed; and the tracked bodies, which alone are translucent. Raises `InputError` if the bytes are
-    malformed.
+    has not changed; and the markers of tracked bodies, which alone are translucent. Raises `InputError` if the bytes
+    are malformed.
 
     Reads the bytes, because rclpy takes 50 ms to make an object of each corner."""
-    reader, ground, tracked = CdrReader(scene), None, TrackedMarkers()
+    reader, ground, tracked = CdrReader(scene), None, list[Pose]()
     for _ in range(reader.count(1)):
         _skip_header(reader)
         reader.text()  # namespace
         _, kind, action = reader.numbers("i", 3)
-        x, y, z, qx, qy, qz, qw, *scale = reader.numbers("d", 10)
+        x, y, z, qx, qy, qz, qw, *_ = reader.numbers("d", 10)
         *_, alpha = reader.numbers("f", 4)
         reader.skip(4, 2)  # lifetime
         reader.skip(1)  # frame_locked
@@ -39,9 +39,7 @@ def drawn_scene(scene: bytes) -> tuple[FloatArray | None, TrackedMarkers]:
         if kind == Marker.TRIANGLE_LIST:
             ground = np.asarray(points, np.float64)
         elif alpha < 1.0:
-            width, _, height = scale  # types of markers have the numbers of kinds of shape
-            sizes = {Marker.CUBE: tuple(scale), Marker.SPHERE: (0.5 * width,)}.get(kind, (height, 0.5 * width))
-            tracked.setdefault((kind, sizes), []).append(Pose((x, y, z), (qw, qx, qy, qz)))
+            tracked.append(Pose((x, y, z), (qw, qx, qy, qz)))
     return ground, tracked
 
 

@@ -68,7 +68,7 @@ class PatchClient:
         self._lock = Lock()
         self._known: dict[str, Patch] = {}
         self._stamp: float | None = None  # of the last message; None until a message with all patches arrived
-        self._frame_id = ""
+        self.frame_id = ""  # of the terrain; empty before the first message
         self._publisher = node.create_publisher(TrackedBodyArray, f"{collider}/tracked_bodies", QOS)
         self._subscription = node.create_subscription(
             ColliderPatchArray, f"{collider}/collider_patches", self._on_bytes, QOS, raw=True
@@ -130,11 +130,6 @@ class PatchClient:
         return math.inf if stamp is None else (self.now() if now is None else now) - stamp
 
     @property
-    def frame_id(self) -> str:
-        """The terrain's frame, empty before the first message."""
-        return self._frame_id
-
-    @property
     def connected(self) -> bool:
         """True if the tracked bodies have a subscriber and the patches a publisher."""
         patches = self._subscription.topic_name
@@ -146,7 +141,7 @@ class PatchClient:
         clock = self.node.get_clock()
         time: Any = clock.now() if stamp is None else Time(nanoseconds=round(stamp * 1e9), clock_type=clock.clock_type)
         message = TrackedBodyArray(bodies=[_body(link) for link in links])
-        message.header.frame_id, message.header.stamp = self._frame_id, time.to_msg()
+        message.header.frame_id, message.header.stamp = self.frame_id, time.to_msg()
         self._publisher.publish(message)
 
     def _extrapolated(self, now: float | None, only: str | None = None) -> dict[str, Patch]:
@@ -171,7 +166,7 @@ class PatchClient:
             # An increment without a base is skipped; a message with all patches follows within seconds.
             if not message.incremental or self._stamp is not None:
                 self._known = message.onto(self._known)
-                self._stamp, self._frame_id = message.stamp, message.frame_id
+                self._stamp, self.frame_id = message.stamp, message.frame_id
         self.received += 1
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections import Counter, deque
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
 from functools import partial
 from time import monotonic
 from typing import Any
@@ -19,6 +20,7 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
+from rclpy.utilities import try_shutdown
 from rclpy.validate_full_topic_name import validate_full_topic_name
 from smartmesh_msgs.msg import ColliderPatchArray, Timing
 from smartmesh_msgs.srv import RemoveBodies, SpawnBody, StepPhysics
@@ -26,7 +28,9 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.running import Stop, init
 from smartmesh_ros.node.transport import STATES, colliders, publishers_on
+from smartmesh_ros.startup.dds import use_large_message_profile
 from smartmesh_ros.tools.client.drawn_scene import drawn_scene
 from smartmesh_ros.tools.client.ground import MAPS, Ground
 from smartmesh_ros.tools.client.patch import PatchesMessage, read_patches
@@ -45,6 +49,8 @@ NEWEST, DEPTH = KINDS.keys() - {"odometry"}, 200
 BEST: dict[str, Any] = {
     "durability": DurabilityPolicy.BEST_AVAILABLE, "reliability": ReliabilityPolicy.BEST_AVAILABLE
 }  # fmt: skip
+# Longest wait for a node, which may be starting [s].
+PATIENCE = 60.0
 # Period of checks for publishers [s].
 CHECK_PERIOD = 1.0
 # Size [bytes] above which whole maps are received only once in a period [s], because the transfer to one more process
@@ -56,23 +62,44 @@ REFUSED = "refused, "
 LOG_LINES, TIMINGS = 6, 600
 
 
+@contextmanager
+def following(
+    node: str, command: str, arguments: Sequence[str], patience: float = PATIENCE
+) -> Iterator[tuple[Remote, Stop]]:
+    """Follow a node (full name) for the length of the block, in a process of its own. An `InputError` ends the process
+    with the name of the ``command`` and the reason, the first signal without a word."""
+    use_large_message_profile()
+    init(arguments)
+    stop = Stop()
+    try:
+        with closing(Remote("/" + node.strip("/"), patience)) as remote:
+            yield remote, stop
+    except InputError as error:
+        sys.exit(f"{command}: {error}")
+    except KeyboardInterrupt:
+        sys.exit()
+    finally:
+        try_shutdown()
+
+
 class Remote:
     """A ``terrain_collider`` with the full name ``name`` in this DDS domain.
 
+    ``runs``: a name of each run of the node that is discovered: a killed one stays for a while beside the next.
     ``ground``: its terrain. ``sight``: bodies, patches and contacts. ``timings``: messages of ~/timing with their
     arrival [s]. ``counts``: received messages by topic. ``tasks``: the newest diagnostics, and ``warnings`` of these.
     ``log``: last warnings of the log. ``paused``: None = unknown. ``clients``: of `SERVICES`. ``changed_parameters``:
     changed values by name, until the reader replaces the dictionary.
     """
 
-    def __init__(self, name: str) -> None:
-        """Raises `InputError` if ``name`` cannot be that of a node."""
+    def __init__(self, name: str, patience: float = PATIENCE) -> None:
+        """``patience`` [s]: longest wait. Raises `InputError` if ``name`` cannot be that of a node."""
         try:
             validate_full_topic_name(f"{name}/{STATES}")
         except InvalidTopicNameException:
             words = "is no full name of a node, such as /robot/terrain_collider; names have letters, digits and _ alone"
             raise InputError("arguments", f"{name!r} {words}") from None
-        self.name = name
+        self.name, self._patience = name, patience
         self.node = Node("smartmesh_view", use_global_arguments=False)
         self._executor = EventsExecutor()
         self._executor.add_node(self.node)
@@ -83,10 +110,10 @@ class Remote:
         self.parameters = AsyncParameterClient(self.node, name)
         self.clients = {key: self.node.create_client(kind, f"{name}/{key}") for key, kind in SERVICES.items()}
         self._new: dict[str, deque[bytes]] = {}
-        self._watched: set[str] = set()
+        self._watched: set[str] | None = None
         self._subscriptions: dict[str, tuple[Any, int]] = {}  # with the numbers of publishers
         self._no_maps_until = 0.0  # end of the pause in receiving whole maps [s]
-        self._runs: frozenset[bytes] = frozenset()  # that `ground` and `sight` are of
+        self.runs: frozenset[bytes] = frozenset()
         self._forget()
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         self.node.create_subscription(Log, "/rosout", self._on_log, 50)
@@ -99,49 +126,50 @@ class Remote:
 
     def spin(self, seconds: float) -> None:
         """Handle messages for this long."""
-        runs, before = self.runs, self._runs
-        self._runs = runs
-        if before and (runs - before or not runs):
+        before, self.runs = self.runs, publishers_on(self.node, f"{self.name}/{STATES}")
+        if before and (self.runs - before or not self.runs):
             self._forget()
-        if monotonic() >= self._check_due:
-            self._subscribe()
+        if self._watched is not None and monotonic() >= self._check_due:
+            self._subscribe(self._watched)
         end = monotonic() + seconds
         while (left := end - monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
 
     def watch(self, topics: set[str]) -> None:
-        """Subscribe to these of `OUTPUTS` and to no others, because the node builds only outputs with subscribers; to
-        ``scene`` while no map has come, or poses of tracked bodies come on no other topic."""
+        """Subscribe to maps, which nobody receives before, and to these of `OUTPUTS` and no others, because the node
+        builds only outputs with subscribers; to ``scene`` while no map has come, or poses of tracked bodies come on no
+        other topic."""
         if topics != self._watched:
             self._watched, self._check_due = topics, 0.0
 
     @property
-    def is_running(self) -> bool:
-        """True if the node publishes its body states."""
-        return bool(self.node.count_publishers(f"{self.name}/{STATES}"))
-
-    @property
-    def runs(self) -> frozenset[bytes]:
-        """A name of each run of the node that is discovered."""
-        return publishers_on(self.node, f"{self.name}/{STATES}")
-
-    @property
     def missing(self) -> str:
         """That there is no node of this name, and which ones there are; empty if there is."""
-        if self.is_running:
+        if self.runs:
             return ""
         domain = os.environ.get("ROS_DOMAIN_ID", "0")
         there = ", ".join(colliders(self.node)) or "none"
         return f"there is no node {self.name} in DDS domain {domain} (ROS_DOMAIN_ID); running: {there}"
 
-    def call(self, service: str, done: Callable[[str], None], **fields: Any) -> None:
-        """Call one of `SERVICES`. ``done`` gets the reason of a refusal, or "" after success."""
+    def wait_for(self, condition: Callable[[], Any], what: str) -> Any:
+        """Return a condition's value once it is true. Raises `InputError` after the remote's ``patience``."""
+        end = monotonic() + self._patience
+        while not (found := condition()):
+            if monotonic() > end:
+                raise InputError("timeout", self.missing or f"no {what} after {self._patience:g} s")
+            self.spin(0.02)
+        return found
+
+    def call(self, service: str, **fields: Any) -> str:
+        """Call one of `SERVICES`; return what the node says on success. Raises `InputError` if the call is refused, or
+        not answered."""
         client = self.clients[service]
-        if not client.service_is_ready():
-            done(f"there is no service {self.name}/{service}: is the node running?")
-            return
+        self.wait_for(client.service_is_ready, f"service {client.srv_name}")
         future = client.call_async(client.srv_type.Request(**fields))
-        future.add_done_callback(lambda _: done("" if future.result().success else future.result().message))
+        self.wait_for(future.done, f"answer of {client.srv_name}")
+        if not future.result().success:
+            raise InputError("refused", future.result().message)
+        return str(future.result().message)
 
     def apply_waiting(self) -> None:
         """Apply all received messages to ``ground`` and ``sight``. Malformed ones are skipped, because the node reports
@@ -182,14 +210,14 @@ class Remote:
         self.paused: bool | None = None
         self._check_due = 0.0
 
-    def _subscribe(self) -> None:
+    def _subscribe(self, watched: set[str]) -> None:
         """Subscribe to maps and watched outputs that have publishers, with the best QoS that these offer, so that a
         latched message arrives after its publication; unsubscribe from all others."""
         now = monotonic()
         self._check_due = now + CHECK_PERIOD
         wanted = MAPS.keys() - ({"heightmap"} if now < self._no_maps_until else set())
         needs_scene = not self.ground.tiles or self.sight.has_unheard
-        wanted |= self._watched - (set() if needs_scene else {"scene"})
+        wanted |= watched - (set() if needs_scene else {"scene"})
         counts = {topic: self.node.count_publishers(f"{self.name}/{topic}") for topic in wanted}
         for topic, (subscription, count) in list(self._subscriptions.items()):
             if counts.get(topic) != count:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -50,9 +49,9 @@ class Pose(NamedTuple):
         return rotated(np.array([-x, -y, -z, w]), points_w - self.position)
 
 
-# Poses of the middles of tracked bodies on ~/scene by kind and dimensions [m] as of BodyDescription, a capsule as its
-# cylinder: balls before boxes before cylinders before capsules, and each kind in the order of ~/body_descriptions.
-TrackedMarkers = dict[tuple[int, tuple[float, ...]], list[Pose]]
+# Order of the kinds of tracked bodies on ~/scene; each kind is in the order of ~/body_descriptions. The two ends of
+# each capsule follow all bodies.
+DRAWN = (BodyDescription.SPHERE, BodyDescription.BOX, BodyDescription.CYLINDER, BodyDescription.CAPSULE)
 
 
 @dataclass
@@ -80,11 +79,6 @@ class Sight:
         """Positions (B, 3) and radii (B,) [m] of all bodies, in the order of ``poses``."""
         positions = np.array([pose.position for pose in self.poses.values()]).reshape(-1, 3)
         return positions, np.array([self.radius_of(name) for name in self.poses])
-
-    @property
-    def robots(self) -> dict[str, BodyDescription]:
-        """Appearances of the robots."""
-        return {name: known for name, known in self.appearances.items() if known.shape == BodyDescription.ROBOT}
 
     @property
     def has_unheard(self) -> bool:
@@ -160,15 +154,13 @@ class Sight:
             self._place(bodies)
             self.heard |= {body.id for body in bodies}
 
-    def take_tracked(self, drawn: TrackedMarkers) -> None:
-        """Place the tracked bodies that are not `heard` where ~/scene has them."""
-        waiting = {shape: deque(poses) for shape, poses in drawn.items()}
-        for name, body in sorted(self.appearances.items(), key=lambda item: item[1].shape):
-            shape = min(body.shape, BodyDescription.CYLINDER), tuple(body.dimensions)
-            if body.tracked and (poses := waiting.get(shape)):
-                pose = poses.popleft()
-                if name not in self.heard:
-                    self.poses[name] = pose
+    def take_tracked(self, drawn: Sequence[Pose]) -> None:
+        """Place the tracked bodies that are not `heard` by the markers of all tracked bodies on ~/scene, unless these
+        are of other bodies than the newest descriptions."""
+        tracked = [body for kind in DRAWN for body in self.appearances.values() if body.tracked and body.shape == kind]
+        if len(drawn) == sum(3 if body.shape == BodyDescription.CAPSULE else 1 for body in tracked):
+            there = zip(tracked, drawn, strict=False)
+            self.poses |= {body.id: pose for body, pose in there if body.id not in self.heard}
 
     def _place(self, bodies: Iterable[TrackedBody]) -> None:
         for body in bodies:

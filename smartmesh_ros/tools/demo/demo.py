@@ -31,7 +31,6 @@ from smartmesh_ros.scenes.eight import robot_file
 from smartmesh_ros.startup.arguments import Parser, make_folder, number
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.tools.client.command import Caller
 from smartmesh_ros.tools.client.remote import OUTPUTS, Remote
 from smartmesh_ros.tools.demo.frame import Frame
 from smartmesh_ros.tools.messages import pose_message
@@ -59,16 +58,15 @@ RECEIVED = (
     "patches", "collider_patches", "body_states", "contacts", "joint_states", "odometry", "timing", "body_descriptions",
     "diagnostics",
 )  # fmt: skip
-START_TIMEOUT = 60.0  # [s]
 
 
 class Demo:
-    """Spawns bodies, drives the robot and tells the state, over a ``remote`` of the collider and its ``caller``.
-    ``nodes``: processes that must run, by name."""
+    """Spawns bodies, drives the robot and tells the state, over a ``remote`` of the collider. ``nodes``: processes that
+    must run, by name."""
 
     def __init__(self, remote: Remote, nodes: Mapping[str, subprocess.Popen[bytes]]) -> None:
         self._nodes = nodes
-        self.remote, self.caller = remote, Caller(remote, START_TIMEOUT)
+        self.remote = remote
         self._commands = remote.node.create_publisher(JointState, f"{remote.name}/joint_commands", 10)
 
     @property
@@ -93,7 +91,7 @@ class Demo:
     def spawn_all(self) -> None:
         """Spawn bodies of three shapes, and a wheeled robot."""
         # Bodies spawned before the node has a map would fall, and be below the ground when the map arrives.
-        self.caller.wait_for(lambda: self.remote.tasks and int(self._value("terrain", "tiles")), "map in the node")
+        self.remote.wait_for(lambda: self.remote.tasks and int(self._value("terrain", "tiles")), "map in the node")
         for index, (x, y) in enumerate(PLACES):
             self._spawn(f"{['ball', 'box', 'can'][index % 3]}_{index}", x, y, 0.4, shape=SHAPES[index % 3])
         self._spawn(ROBOT, -4.0, 0.0, 0.02, urdf=str(robot_file()), align=True)
@@ -136,7 +134,7 @@ class Demo:
 
     def _spawn(self, name: str, x: float, y: float, clearance: float, **what: Any) -> None:
         pose = pose_message((x, y, 0.0))
-        self.caller.call("spawn_body", id=name, mass=5.0, pose=pose, on_ground=True, clearance=clearance, **what)
+        self.remote.call("spawn_body", id=name, mass=5.0, pose=pose, on_ground=True, clearance=clearance, **what)
 
 
 @contextmanager
@@ -199,7 +197,7 @@ def main(args: list[str] | None = None) -> None:
         with isolated_unless_chosen():
             frames, lost, counts = run(options.seconds)
         print("drawing a picture and a clip, which takes up to a minute", flush=True)
-        for path in demo_pictures.draw(frames, options.out, say=lambda words: print(words, flush=True)):
+        for path in demo_pictures.draw(frames, options.out):
             print(f"wrote {path}", flush=True)
     except KeyboardInterrupt:
         sys.exit("demo was interrupted")
@@ -219,7 +217,7 @@ def run(seconds: float) -> tuple[list[Frame], int, dict[str, int]]:
             remote.node.create_subscription(
                 MarkerArray, f"{remote.name}/patches", lambda _: came.update(["patches"]), 10, raw=True
             )
-            demo.caller.wait_for(lambda: all(demo.counts.values()), "message on some output")
+            remote.wait_for(lambda: all(demo.counts.values()), "message on some output")
             return *watch(demo, seconds), demo.counts
     except InputError as error:
         sys.exit(f"demo failed: {error}")

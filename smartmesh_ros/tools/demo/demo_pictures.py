@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.animation import FuncAnimation, PillowWriter
+from matplotlib.animation import PillowWriter
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
@@ -32,11 +32,11 @@ OTHER_COLOUR, EDGES = "#202020", "#4d2600"
 Window = tuple[tuple[float, float], tuple[float, float]]
 
 
-def draw(frames: list[Frame], folder: Path, say: Callable[[str], object] = lambda _: None) -> Iterator[Path]:
-    """Write a picture of six frames and a clip into a folder that exists; yield each path once it is written. ``say``
-    is told how far the clip is."""
+def draw(frames: list[Frame], folder: Path) -> Iterator[Path]:
+    """Write a picture of six frames and a clip into a folder that exists; yield each path once it is written. Prints
+    how far the clip is."""
     yield _picture(frames, folder / "demo.png")
-    yield _clip(frames, folder / "demo.gif", say)
+    yield _clip(frames, folder / "demo.gif")
 
 
 def window_of(frames: list[Frame]) -> Window:
@@ -98,20 +98,16 @@ def _picture(frames: list[Frame], path: Path) -> Path:
     return path
 
 
-def _clip(frames: list[Frame], path: Path, say: Callable[[str], object]) -> Path:
+def _clip(frames: list[Frame], path: Path) -> Path:
     chosen = frames[:: math.ceil(len(frames) / 30)]
     window = window_of(frames)
     figure = Figure(figsize=(5, 5), dpi=80, layout="constrained")
-    axes = figure.subplots()
-
-    def show(index: int) -> list[Any]:
-        axes.clear()
-        _plan(axes, chosen[index], window)
-        return []
-
-    def tell(index: int, count: int) -> None:
-        if index and index % TOLD_EVERY == 0:
-            say(f"{index} of {count} frames of the clip")
-
-    FuncAnimation(figure, show, frames=len(chosen)).save(path, writer=PillowWriter(fps=6), progress_callback=tell)
+    axes, writer = figure.subplots(), PillowWriter(fps=6)
+    with writer.saving(figure, path, figure.dpi):
+        for index, frame in enumerate(chosen):
+            if index and index % TOLD_EVERY == 0:
+                print(f"{index} of {len(chosen)} frames of the clip", flush=True)
+            axes.clear()
+            _plan(axes, frame, window)
+            writer.grab_frame()
     return path

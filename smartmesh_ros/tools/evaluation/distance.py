@@ -10,9 +10,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 
@@ -25,7 +26,7 @@ class Surface:
     """The main mesh at one instant: ``heights`` (rows, columns) [m], NaN = no ground, on ``geometry``."""
 
     geometry: GridGeometry
-    heights: FloatArray
+    heights: NDArray[Any]
 
     @cached_property
     def steepest(self) -> float:

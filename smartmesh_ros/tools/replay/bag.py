@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import importlib
 import math
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import yaml
 from rclpy.serialization import serialize_message
@@ -36,30 +37,36 @@ class Topic(NamedTuple):
     latched: bool
 
 
-class Source(Protocol):
-    """A recording. ``topics``: by full name. ``end`` [s]: time of the last message."""
+class Source(ABC):
+    """A recording. ``title``: the words before its topics. ``topics``: by full name. ``end`` [s]: time of the last
+    message."""
 
+    title: str
     topics: Mapping[str, Topic]
     end: float
 
+    @abstractmethod
     def records(self, topics: Collection[str]) -> Iterator[Record]:
         """Yield the messages of some topics in the order of recording."""
 
     def refusal(self, reason: str, message: str) -> InputError:
         """Return an error with what the recording contains."""
+        lines = [f"  {name}  {topic.type_name}  {topic.messages} messages" for name, topic in self.topics.items()]
+        return InputError(reason, "\n".join([message, self.title, *(lines or ["  no topic"])]))
 
 
-class Bag:
+class Bag(Source):
     """A recorded bag: the folder that holds ``metadata.yaml``, or a single .mcap or .db3 file. Needs ``pip install
     rosbags``. Raises `InputError` if it is none; its later errors list its contents."""
 
     def __init__(self, path: Path) -> None:
         self.path = path.parent if path.name == "metadata.yaml" else path
+        self.title = f"The bag {self.path} has"
         if not path.exists():
             raise InputError("bag", f"there is no bag {path}")
         self.end = math.inf
         try:
-            self.topics: Mapping[str, Topic] = self._of_folder() if self.path.is_dir() else self._of_file()
+            self.topics = self._of_folder() if self.path.is_dir() else self._of_file()
         except InputError:
             raise
         except Exception as error:  # noqa: BLE001  # those of rosbags, SQLite and YAML have no common base
@@ -84,10 +91,6 @@ class Bag:
                 "bag", f"the bag is cut off or damaged after {count} messages ({_words(error)}); ros2 bag reindex or "
                 "the mcap tool's recover may save what is left"
             ) from None  # fmt: skip
-
-    def refusal(self, reason: str, message: str) -> InputError:
-        """Return an error with the contents of the bag."""
-        return InputError(reason, f"{message}\nThe bag {self.path} has\n{listed(self.topics)}")
 
     def _of_folder(self) -> dict[str, Topic]:
         """Return the topics by ``metadata.yaml``, which is whole even if a file of the bag is cut off."""
@@ -117,32 +120,22 @@ class Bag:
             }
 
 
-class Messages:
+class Messages(Source):
     """A list of (topic, time [s], message or request of a service), as a recording. A name without a leading ``/`` is
     below that of the ``node``. All topics are latched."""
+
+    title = "The messages are"
 
     def __init__(self, messages: Sequence[tuple[str, float, Any]], node: str) -> None:
         named = ((name if name.startswith("/") else f"{node}/{name}", time, one) for name, time, one in messages)
         self._records = sorted((recorded(*message) for message in named), key=lambda record: record.time)
         counts = Counter(record.topic for record in self._records)
-        self.topics: Mapping[str, Topic] = {
-            one.topic: Topic(one.type_name, counts[one.topic], True) for one in self._records
-        }
+        self.topics = {one.topic: Topic(one.type_name, counts[one.topic], True) for one in self._records}
         self.end = self._records[-1].time if self._records else 0.0
 
     def records(self, topics: Collection[str]) -> Iterator[Record]:
         """Yield the messages of some topics in the order of time."""
         return (record for record in self._records if record.topic in topics)
-
-    def refusal(self, reason: str, message: str) -> InputError:
-        """Return an error with the topics of the messages."""
-        return InputError(reason, f"{message}\nThe messages are\n{listed(self.topics)}")
-
-
-def listed(topics: Mapping[str, Topic]) -> str:
-    """Return a line for each topic."""
-    lines = [f"  {name}  {topic.type_name}  {topic.messages} messages" for name, topic in topics.items()]
-    return "\n".join(lines or ["  no topic"])
 
 
 def type_of(kind: Any) -> str:

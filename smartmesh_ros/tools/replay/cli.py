@@ -18,12 +18,13 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.running import Stop
 from smartmesh_ros.startup.arguments import Parser
 from smartmesh_ros.startup.remappings import refuse_expanded
 from smartmesh_ros.tools.replay.bag import Bag
 from smartmesh_ros.tools.replay.parameters import read_parameters
-from smartmesh_ros.tools.replay.replay import Replay, Sink
-from smartmesh_ros.tools.replay.transport import Names, Publisher
+from smartmesh_ros.tools.replay.replay import Replay
+from smartmesh_ros.tools.replay.transport import Names
 
 if TYPE_CHECKING:
     from smartmesh_ros.tools.replay.mcap_file import McapFile
@@ -47,7 +48,9 @@ def ended(
     needs: str,
 ) -> int:
     """Run a command by its ``arguments``, None = those of the process; return its exit code, 2 if it refuses them or
-    one of the packages that it ``needs`` is missing."""
+    one of the packages that it ``needs`` is missing, 130 if a signal interrupts it."""
+    if arguments is None:
+        Stop()  # the first signal raises KeyboardInterrupt; later ones leave child processes the time to end
     given = [word for word in (sys.argv[1:] if arguments is None else arguments) if word != "--ros-args"]
     options = parser.parse_args(given)
     try:
@@ -58,6 +61,9 @@ def ended(
         print(f"{parser.prog} needs {error.name}: pip install {needs}", file=sys.stderr)
     except InputError as error:
         print(f"{parser.prog}: {error}", file=sys.stderr)
+    except KeyboardInterrupt:
+        print("\ninterrupted", file=sys.stderr)
+        return INTERRUPTED
     return 2
 
 
@@ -67,7 +73,7 @@ def parser() -> argparse.ArgumentParser:
     found.add_argument("bag", metavar="BAG", type=Path, help="a recorded bag")
     add_node_arguments(found)
     found.add_argument("-o", "--output", type=Path, metavar="OUT.mcap", help="file for the outputs (none)")
-    found.add_argument("--topics", nargs="+", metavar="TOPIC", help="outputs to write, such as body_states (all)")
+    found.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="outputs, such as body_states (all)")
     found.add_argument("--until", type=float, metavar="T", help="end after T seconds (with the bag)")
     found.add_argument("--check", metavar="SHA256", help="exit with 1 unless this is the digest")
     return found
@@ -87,7 +93,8 @@ def _run(options: argparse.Namespace) -> int:
     until = math.inf if options.until is None else options.until
     if not until > 0.0:
         raise InputError("parameter", f"--until is {until:g}; it must be a number of seconds above zero")
-    bag, names, line = Bag(options.bag), Names(rules=rules_of(options.remap)), ProgressLine()
+    bag, rules, line = Bag(options.bag), rules_of(options.remap), ProgressLine()
+    names = Names(rules)
     parameters = read_parameters(options.params_file, options.param, names.node)
     file = None
     if options.output is not None:
@@ -96,15 +103,8 @@ def _run(options: argparse.Namespace) -> int:
         file = McapFile(options.output)
     if file is not None and file.path.exists() and bag.path.resolve() in (place := file.path.resolve(), place.parent):
         raise InputError("file", f"-o {file.path} is the bag itself, or one of its files; name another file")
-    wanted = options.topics and {names.full(topic) for topic in options.topics}
-
-    def record(publisher: Publisher) -> Sink | None:
-        if file is None or (wanted and publisher.topic_name not in wanted):
-            return None
-        return lambda time, data: file.write(publisher, time, data)
-
-    with Replay(bag, parameters, names=names, record=record, say=line.say) as replay:
-        if wanted and (unknown := sorted(wanted - replay.outputs)):
+    with Replay(bag, parameters, remap=rules, file=file, topics=options.topics, say=line.say) as replay:
+        if unknown := sorted({*map(names.full, options.topics)} - replay.outputs):
             there = ", ".join(sorted(replay.outputs))
             raise InputError("topic", f"--topics: there is no output {', '.join(unknown)}; the outputs are {there}")
         begun = monotonic()
@@ -141,7 +141,7 @@ def rules_of(remaps: Sequence[str]) -> list[tuple[str, str]]:
     if wrong := [text for text, (old, new) in zip(remaps, rules, strict=True) if not (old and new)]:
         raise InputError("arguments", f"-r {wrong[0]!r} must be from:=to, as in -r '~/heightmap:=/maps'")
     try:
-        Names(rules=rules)
+        Names(rules)
     except ValueError as error:
         raise InputError("arguments", f"-r: {str(error).partition(', at ')[0]}") from None
     return rules

@@ -20,11 +20,13 @@ class Digest:
     def __init__(self, world: World) -> None:
         self._world, self._states = world, SimulatedStates(world)
         self._sum = hashlib.sha256()
-        self._count = 0
+        self._count, self._time = 0, world.time
 
-    def count(self) -> None:
-        """Take note of a step."""
-        self._count += 1
+    def note(self) -> None:
+        """Take note of a step, if there was one since the last call."""
+        if self._world.time == self._time:
+            return
+        self._count, self._time = self._count + 1, self._world.time
         if self._count % EVERY == 0:
             self._sum.update(self._read())
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,9 @@ def read_parameters(files: Sequence[Path], single: Sequence[str], node: str) -> 
     for file in files:
         values |= read_file(file, node)
     values |= dict(map(single_value, single))
-    require_known(values)
+    for name in values:
+        if name not in NAMES and name != "use_sim_time" and not name.startswith(QOS):
+            raise InputError("parameter", f"parameter {name!r} is unknown{suggestion(name, NAMES)}")
     return values
 
 
@@ -71,10 +73,3 @@ def single_value(text: str) -> tuple[str, Any]:
         return name, yaml.safe_load(value)
     except yaml.YAMLError:
         return name, value
-
-
-def require_known(names: Iterable[str]) -> None:
-    """Raise `InputError` if a name is no parameter of the node."""
-    for name in names:
-        if name not in NAMES and name != "use_sim_time" and not name.startswith(QOS):
-            raise InputError("parameter", f"parameter {name!r} is unknown{suggestion(name, NAMES)}")

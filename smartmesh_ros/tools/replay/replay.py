@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from pathlib import Path
 from time import sleep
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import Parameter
@@ -17,12 +18,15 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.checked_messages import message_from
 from smartmesh_ros.node.parameters.specifications import NAMES
 from smartmesh_ros.node.terrain_collider import Collider
-from smartmesh_ros.tools.replay.bag import EVENTS, Record, Source, type_of
+from smartmesh_ros.tools.replay.bag import EVENTS, Bag, Messages, Record, Source, type_of
 from smartmesh_ros.tools.replay.clock import ReplayClock
 from smartmesh_ros.tools.replay.digest import Digest
 from smartmesh_ros.tools.replay.parameters import settings_of
 from smartmesh_ros.tools.replay.transport import InProcess, Log, Names, Publisher
 from smartmesh_ros.world.world import World
+
+if TYPE_CHECKING:
+    from smartmesh_ros.tools.replay.mcap_file import McapFile
 
 # Topics that are read beside the inputs; those of transforms become inputs when a message needs them.
 CLOCK, PARAMETERS, TRANSFORMS = "/clock", "/parameter_events", ("/tf", "/tf_static")
@@ -30,8 +34,6 @@ CLOCK, PARAMETERS, TRANSFORMS = "/clock", "/parameter_events", ("/tf", "/tf_stat
 STATES = "/body_states"
 # Differences of times that are rounding errors [s].
 SLACK = 1e-6
-# Takes the bytes of each message of an output and its time on the recorder's clock [s].
-Sink = Callable[[float, bytes], None]
 
 
 class Replay:
@@ -47,20 +49,27 @@ class Replay:
 
     def __init__(
         self,
-        source: Source,
+        source: Source | str | Path | Sequence[tuple[str, float, Any]],
         parameters: Mapping[str, Any] | None = None,
         *,
-        names: Names | None = None,
+        remap: Mapping[str, str] | Sequence[tuple[str, str]] = (),
         keep: Collection[str] = (),
-        record: Callable[[Publisher], Sink | None] = lambda _: None,
+        file: McapFile | None = None,
+        topics: Collection[str] = (),
         say: Callable[[str], None] | None = None,
     ) -> None:
-        """``keep``: outputs whose messages `received` returns. ``record``: returns what takes an output's messages,
-        None if nobody does. ``say``: gets the lines of ``log``."""
+        """``source``: a recording, the path of a bag, or a list of (topic, time [s], message) and (service, time [s],
+        request). ``parameters``: of terrain_collider, by name. ``remap``: new names of topics and services, as of
+        ``--ros-args -r``. ``keep``: outputs whose messages `received` returns. ``file``: gets the outputs, or only
+        these ``topics``. ``say``: gets the lines of ``log``."""
         self.log: list[str] = []
-        self.names = names or Names()
+        self.names = Names(remap)
         self._kept: dict[str, list[Any]] = {self.names.full(topic): [] for topic in keep}
-        self._record = record
+        self._file, self._topics = file, set(map(self.names.full, topics))
+        if isinstance(source, str | Path):
+            source = Bag(Path(source))
+        elif not isinstance(source, Source):
+            source = Messages(source, self.names.node)
         self._source, self._values = source, dict(parameters or {})
         settings = settings_of(self._values)
         self.clock = ReplayClock(0.0, simulated=bool(self._values.get("use_sim_time")) and CLOCK in source.topics)
@@ -71,9 +80,8 @@ class Replay:
             self._records = source.records(self._wanted())
             self._next = next(self._records, None)
             if self._next is None:
-                raise source.refusal(
-                    "topic", f"nothing here is for {self.names.node}, whose inputs are\n{self._inputs()}"
-                )
+                there = "\n".join(f"  {name}  {kind}" for name, kind in self._inputs)
+                raise source.refusal("topic", f"nothing here is for {self.names.node}, whose inputs are\n{there}")
         except BaseException:
             self.collider.close()
             raise
@@ -81,7 +89,7 @@ class Replay:
         self.clock.elapsed = -self.world.dt
         self.collider.pacer.restart()
         self.clock.elapsed = 0.0
-        self._digest, self._digested = Digest(self.world), self.world.time
+        self._digest = Digest(self.world)
 
     def __enter__(self) -> Replay:
         return self
@@ -182,9 +190,7 @@ class Replay:
         while self.node.deliver_waiting() or len(turns):
             if len(turns) and not self.collider.turn():
                 sleep(1e-3)  # for a robot that is being prepared
-        if self.world.time != self._digested:
-            self._digested = self.world.time
-            self._digest.count()
+        self._digest.note()
 
     def _take(self, record: Record) -> None:
         refusals = self.collider.refusals
@@ -236,24 +242,25 @@ class Replay:
     def _wanted(self) -> Collection[str]:
         """Return the recorded topics that are for the collider, or may be; raise `InputError` if one is of another
         type than its input."""
-        topics = self._source.topics
-        for name, subscriptions in self.node.subscriptions.items():
-            for kind in (type_of(one.kind) for one in subscriptions):
-                if name in topics and topics[name].type_name != kind:
-                    raise self._source.refusal("topic", f"{name} has {topics[name].type_name}, and must have {kind}")
-        always = {*self._calls, *TRANSFORMS, PARAMETERS, CLOCK}
-        inputs = {name for name, found in self.node.subscriptions.items() if found}
-        found = {topic for topic in topics if topic in always or topic in inputs or topic.endswith(STATES)}
-        return found if found & (inputs | set(self._calls)) else set()
+        topics, inputs = self._source.topics, self._inputs
+        for name, kind in inputs:
+            if name in topics and topics[name].type_name != kind:
+                raise self._source.refusal("topic", f"{name} has {topics[name].type_name}, and must have {kind}")
+        own, others = {*self._calls, *dict(inputs)}, {*TRANSFORMS, PARAMETERS, CLOCK}
+        found = {topic for topic in topics if topic in own | others or topic.endswith(STATES)}
+        return found if found & own else set()
 
-    def _inputs(self) -> str:
-        kinds = {name: type_of(found[0].kind) for name, found in self.node.subscriptions.items() if found}
-        return "\n".join(f"  {name}  {kind}" for name, kind in sorted(kinds.items()))
+    @property
+    def _inputs(self) -> list[tuple[str, str]]:
+        """Names and types of the inputs."""
+        return sorted({(name, type_of(one.kind)) for name, found in self.node.subscriptions.items() for one in found})
 
     def _sink(self, publisher: Publisher) -> Callable[[bytes], None] | None:
         """Return what takes the bytes of an output, None = nobody does."""
         kept = self._kept.get(publisher.topic_name)
         if kept is not None:
             return lambda data: kept.append(deserialize_message(data, publisher.kind))
-        take = self._record(publisher)
-        return None if take is None else lambda data: take(self.clock.start + self.clock.elapsed, data)
+        file, wanted = self._file, not self._topics or publisher.topic_name in self._topics
+        if file is None or not wanted:
+            return None
+        return lambda data: file.write(publisher, self.clock.start + self.clock.elapsed, data)

@@ -22,11 +22,11 @@ class Names:
     """The collider's name, and its remapping rules (from, to), as of ``--ros-args -r from:=to``; the first that fits
     counts. Raises `ValueError` for impossible names."""
 
-    def __init__(self, node: str = "/terrain_collider", rules: Sequence[tuple[str, str]] = ()) -> None:
+    def __init__(self, rules: Mapping[str, str] | Sequence[tuple[str, str]] = ()) -> None:
+        rules = list(rules.items()) if isinstance(rules, Mapping) else rules
         given = dict(reversed(rules))
-        namespace, _, name = node.rpartition("/")
-        self.name = given.get("__node", given.get("__name", name))
-        self.namespace = given.get("__ns", namespace) or "/"
+        self.name = given.get("__node", given.get("__name", "terrain_collider"))
+        self.namespace = given.get("__ns") or "/"
         self._rules = [(self._full(old), self._full(new)) for old, new in rules if not old.startswith("__")]
 
     @property
@@ -76,32 +76,6 @@ class Log:
         self._say(f"[{level}] [{now:.3f} s] {text}")
 
 
-class Publisher:
-    """An output. ``latched``: late subscribers get its last messages. ``depth``: how many. ``record``: gets each
-    message's bytes, None = not recorded. ``pass_on``: gives them to the collider's own subscriptions, ``own``."""
-
-    def __init__(self, kind: Any, topic_name: str, qos: QoSProfile | int) -> None:
-        profile = qos if isinstance(qos, QoSProfile) else QoSProfile(depth=qos)
-        self.kind, self.topic_name, self.depth = kind, topic_name, int(profile.depth)
-        self.latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-        self.record: Callable[[bytes], None] | None = None
-        self.own: Sequence[Subscription] = ()
-        self.pass_on: Callable[[Sequence[Subscription], bytes], None] = lambda own, data: None
-
-    def publish(self, message: Any) -> None:
-        """Publish a message or its bytes, if anybody subscribes."""
-        if self.record is None and not self.own:
-            return
-        data = message if isinstance(message, bytes) else bytes_of(message)
-        if self.record is not None:
-            self.record(data)
-        self.pass_on(self.own, data)
-
-    def get_subscription_count(self) -> int:
-        """Return the number of subscriptions."""
-        return (self.record is not None) + len(self.own)
-
-
 class Subscription(NamedTuple):
     """An input. ``callback`` gets each message's bytes. ``publishers``: their number."""
 
@@ -113,6 +87,37 @@ class Subscription(NamedTuple):
     def get_publisher_count(self) -> int:
         """Return the number of publishers."""
         return self.publishers
+
+
+# Subscriptions and the messages that wait for them.
+Waiting = deque[tuple[Subscription, bytes]]
+
+
+class Publisher:
+    """An output. ``latched``: late subscribers get its last messages. ``depth``: how many. ``record``: gets each
+    message's bytes, None = not recorded. ``own``: the collider's own subscriptions, whose messages are ``waiting``."""
+
+    def __init__(
+        self, kind: Any, topic_name: str, qos: QoSProfile | int, own: Sequence[Subscription], waiting: Waiting
+    ) -> None:
+        profile = qos if isinstance(qos, QoSProfile) else QoSProfile(depth=qos)
+        self.kind, self.topic_name, self.depth = kind, topic_name, int(profile.depth)
+        self.latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        self.record: Callable[[bytes], None] | None = None
+        self._own, self._waiting = own, waiting
+
+    def publish(self, message: Any) -> None:
+        """Publish a message or its bytes, if anybody subscribes."""
+        if not self.get_subscription_count():
+            return
+        data = message if isinstance(message, bytes) else bytes_of(message)
+        if self.record is not None:
+            self.record(data)
+        self._waiting.extend((subscription, data) for subscription in self._own)
+
+    def get_subscription_count(self) -> int:
+        """Return the number of subscriptions."""
+        return (self.record is not None) + len(self._own)
 
 
 class Service:
@@ -152,14 +157,14 @@ class InProcess:
         self.services: dict[str, Service] = {}
         self._log, self._recorded, self._record = log, recorded, record
         self._latched: dict[str, deque[bytes]] = defaultdict(lambda: deque(maxlen=MOST_LATCHED))
-        self._waiting: deque[tuple[Subscription, bytes]] = deque()
+        self._waiting: Waiting = deque()
 
     def deliver(self, topic: str, data: bytes) -> None:
         """Pass a recorded message on, or keep it for a later subscription if its topic is latched."""
         found = self.subscriptions.get(topic)
         if not found and self._recorded[topic].latched:
             self._latched[topic].append(data)
-        self._pass_on(found or (), data)
+        self._waiting.extend((subscription, data) for subscription in found or ())
         self.deliver_waiting()
 
     def deliver_waiting(self) -> bool:
@@ -173,10 +178,11 @@ class InProcess:
 
     def create_publisher(self, msg_type: Any, topic: str, qos_profile: Any) -> Publisher:
         """Return a publisher."""
-        publisher = Publisher(msg_type, self.resolve_topic_name(topic), qos_profile)
-        publisher.record, publisher.own = self._record(publisher), self.subscriptions[publisher.topic_name]
-        publisher.pass_on = self._pass_on
-        self.publishers[publisher.topic_name] = publisher
+        name = self.resolve_topic_name(topic)
+        self.publishers[name] = publisher = Publisher(
+            msg_type, name, qos_profile, self.subscriptions[name], self._waiting
+        )
+        publisher.record = self._record(publisher)
         return publisher
 
     def create_subscription(
@@ -251,6 +257,3 @@ class InProcess:
     def get_node_names_and_namespaces(self) -> list[tuple[str, str]]:
         """Return the collider alone."""
         return [(self.get_name(), self.get_namespace())]
-
-    def _pass_on(self, subscriptions: Sequence[Subscription], data: bytes) -> None:
-        self._waiting.extend((subscription, data) for subscription in subscriptions)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -62,30 +63,25 @@ class TerrainScore(ParameterNode):
         self._status = self.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
         truth, own = RasterConfig(), RasterConfig(layer=values["layer"])
         for topic, config, take in (("~/truth", truth, self._on_truth), ("~/map", own, self._on_map)):
-            self.create_subscription(
-                kind, topic, self._taking(kind, topic, config, take), QoSProfile(depth=10), raw=True
-            )
+            on_message = partial(self._on_message, kind, topic, config, take)
+            self.create_subscription(kind, topic, on_message, QoSProfile(depth=10), raw=True)
         self.create_timer(PERIOD, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def _taking(
-        self, kind: Any, topic: str, config: RasterConfig, take: Callable[[str, float, Raster], None]
-    ) -> Callable[[bytes], None]:
-        """Return the callback of a topic, which tells and counts what is refused."""
-
-        def callback(data: bytes) -> None:
-            self._came[topic] = monotonic()
-            try:
-                message = message_from(data, kind)
-                stamp = stamp_seconds(message.header.stamp)
-                if stamp is None:
-                    raise InputError("stamp", "a map has no stamp, so the truth of its time is unknown; stamp the maps")
-                take(message.header.frame_id.strip("/"), stamp, grid_map_raster(message, config))
-            except InputError as error:
-                self._refuse(f"{self.resolve_topic_name(topic)}: {error}", f"{topic}: {error.reason}")
-            for score in self.scorer.take():
-                self._note(score)
-
-        return callback
+    def _on_message(
+        self, kind: Any, topic: str, config: RasterConfig, take: Callable[[str, float, Raster], None], data: bytes
+    ) -> None:
+        """Take a message of a topic; tell and count what is refused."""
+        self._came[topic] = monotonic()
+        try:
+            message = message_from(data, kind)
+            stamp = stamp_seconds(message.header.stamp)
+            if stamp is None:
+                raise InputError("stamp", "a map has no stamp, so the truth of its time is unknown; stamp the maps")
+            take(message.header.frame_id.strip("/"), stamp, grid_map_raster(message, config))
+        except InputError as error:
+            self._refuse(f"{self.resolve_topic_name(topic)}: {error}", f"{topic}: {error.reason}")
+        for score in self.scorer.take():
+            self._note(score)
 
     def _refuse(self, words: str, reason: str) -> None:
         self._refused = words

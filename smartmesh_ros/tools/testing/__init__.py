@@ -75,12 +75,12 @@ else:
 
     @pytest.fixture
     def replay() -> Iterator[Callable[..., Replay]]:
-        """A function that returns replays, as `replaying.replayed` does, which end with the test."""
-        from smartmesh_ros.tools.testing.replaying import replayed  # imports PyBullet, which probes do not need
+        """`Replay`, each of which ends with the test."""
+        from smartmesh_ros.tools.replay.replay import Replay  # imports PyBullet, which probes do not need
 
         with ExitStack() as ending:
 
             def make(*arguments: Any, **options: Any) -> Replay:
-                return ending.enter_context(replayed(*arguments, **options))
+                return ending.enter_context(Replay(*arguments, **options))
 
             yield make

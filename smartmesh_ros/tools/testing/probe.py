@@ -23,7 +23,6 @@ from visualization_msgs.msg import Marker, MarkerArray
 from smartmesh_ros.tools.messages import heightmap_message, points_of, pose_message
 from smartmesh_ros.tools.replay.bag import class_of
 from smartmesh_ros.tools.testing.process import START_TIMEOUT, TIMEOUT, Process
-from smartmesh_ros.tools.testing.report import explain_timeout
 
 COLLIDER = "/terrain_collider"
 DIAGNOSTICS = "/diagnostics"
@@ -45,6 +44,8 @@ _INPUTS = {
 }
 # Queue of responses that wait while the probe handles other messages; the default depth of ROS is 10.
 _SERVICE_QOS = QoSProfile(depth=1000)
+# Number of lines of a node's log in the report of a wait that was in vain.
+LOG_LINES = 15
 # Prefix of the diagnostics' keys for the number of publishers of a topic.
 _PUBLISHERS = "publishers of "
 
@@ -167,10 +168,29 @@ class Probe:
             if watch is not None and watch.process.poll() is not None:
                 raise AssertionError(f"the node ended with {watch.process.returncode}: {watch.output}")
             if monotonic() > end:
-                inputs = self.newest_diagnostics().get("inputs", {})
-                raise AssertionError(explain_timeout(timeout, self.node, self.received, inputs, self._processes))
+                raise AssertionError(f"waited {timeout:.0f} s in vain; {self._report()}")
             self.spin()
         return value
+
+    def _report(self) -> str:
+        """Return hints to why a condition did not hold: messages received and refused, connections, and the nodes'
+        logs."""
+        counts = {topic: len(messages) for topic, messages in self.received.items()}
+        inputs = self.newest_diagnostics().get("inputs", {})
+        refused = [f"{key.removeprefix('refused, ')} {value}" for key, value in inputs.items() if key != "message"]
+        lines = [f"received {counts}", f"refused: {', '.join(refused) or 'nothing'}"]
+        lines.append("connected, as publishers -> subscriptions:")
+        # A topic of the test without other endpoints is the likely cause.
+        topics = {publisher.topic_name for publisher in self.node.publishers}.union(self.received)
+        for topic in sorted(topics - {"/rosout", "/parameter_events"}):
+            ends = self.node.get_publishers_info_by_topic(topic), self.node.get_subscriptions_info_by_topic(topic)
+            names = (", ".join(sorted({info.node_name for info in infos})) or "nobody" for infos in ends)
+            lines.append(f"  {topic}: {' -> '.join(names)}")
+        for process in self._processes:
+            state = "runs" if process.process.poll() is None else f"ended with {process.process.returncode}"
+            lines.append(f"{process.name} {state}; its last lines:")
+            lines += [f"  {line}" for line in process.output.splitlines()[-LOG_LINES:]]
+        return "\n".join(lines)
 
     def latest(self, topic: str) -> Any:
         """Wait for the next message of an output (below the collider's name, or a full name); return it."""

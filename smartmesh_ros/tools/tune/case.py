@@ -3,44 +3,28 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import itemgetter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.evaluation.distance import Surface
 from smartmesh_ros.tools.evaluation.scene import FOLDER, Scene, read_scene
 from smartmesh_ros.tools.messages import heightmap_message
-from smartmesh_ros.tools.replay.bag import Bag, Messages
+from smartmesh_ros.tools.replay.bag import Bag
 from smartmesh_ros.tools.replay.replay import Replay
-from smartmesh_ros.tools.replay.transport import Names
 from smartmesh_ros.world.world import World
 
 # Longest replay of a bag if none is given [s].
 LONGEST = 5.0
-
-
-class Truth(ABC):
-    """The true ground of a run."""
-
-    def note(self, world: World) -> None:  # noqa: B027  the ground of a scene is known without
-        """Look at the world after each step and message."""
-
-    def keep(self, world: World) -> None:  # noqa: B027
-        """Look at the world at the instant of a snapshot."""
-
-    @abstractmethod
-    def at(self, time: float) -> list[Surface]:
-        """Return the true surfaces at a time [s] of the run, which may be over and does not decrease."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,14 +49,14 @@ class Case:
         """Time at which bodies are compared with a run at small steps [s]; later, contacts make motion chaotic."""
         return min(1.0, self.length)
 
-    def start(self, values: Mapping[str, Any]) -> tuple[Replay, Truth]:
+    def start(self, values: Mapping[str, Any]) -> tuple[Replay, SceneGround | RecordedGround]:
         """Return a replay with these parameters at its beginning, and its true ground; raise `InputError`."""
-        parameters, names = {**self.parameters, **values}, Names(rules=self.remaps)
+        parameters = {**self.parameters, **values}
         if self.source.suffix != ".yaml":
-            return Replay(Bag(self.source), parameters, names=names), RecordedGround()
+            return Replay(self.source, parameters, remap=self.remaps), RecordedGround()
         scene = read_scene(self.source)
         friction = {"physics.friction": scene.bodies.friction}
-        replay = Replay(Messages(maps_of(scene), names.node), {**parameters, **friction}, names=names)
+        replay = Replay(maps_of(scene), {**parameters, **friction}, remap=self.remaps)
         for number, state in enumerate(scene.starts()):
             replay.world.spawn(f"body_{number}", scene.bodies.make_shape(), 1.0, state)
         return replay, SceneGround(scene)
@@ -113,59 +97,52 @@ def maps_of(scene: Scene) -> list[tuple[str, float, Any]]:
     return found
 
 
-class SceneGround(Truth):
-    """The ground of a scene, which is known at any time."""
+class SceneGround:
+    """The true ground of a scene."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene, self._ground = scene, scene.make_ground()
 
+    def note(self, world: World, *, measured: bool) -> None:
+        """Do nothing: the ground is known at any time."""
+
     def at(self, time: float) -> list[Surface]:
+        """Return the true surfaces at a time [s] of the run, which may be over and does not decrease."""
         scene = self._scene
         return [scene.surface(np.array(self._ground.heights(time if scene.moves else 0.0)), time)]
 
 
-class RecordedGround(Truth):
-    """The ground of a bag: interpolated between the map before and the map after an instant. Where changes are
+class RecordedGround:
+    """The true ground of a bag: interpolated between the map before and the map after an instant. Where changes are
     corrections, it is the ground that the node shows, which approaches the corrected one over ``terrain.settle``."""
 
     def __init__(self) -> None:
-        self._maps: dict[str, list[Kept]] = defaultdict(list)  # by tile, in order of time
+        self._maps: dict[str, list[tuple[float, Surface]]] = defaultdict(list)  # by tile, in order of time [s]
         self._revisions: dict[str, int] = {}
 
-    def note(self, world: World) -> None:
-        for name, tile in _height_maps(world, corrects=False):
-            if self._revisions.get(name) != tile.revision:
+    def note(self, world: World, *, measured: bool) -> None:
+        """Look at the world after each step and message; ``measured``: at the instant of a snapshot."""
+        for name, tile in world.terrain.tiles.items():
+            if not isinstance(tile, HeightMap):
+                continue
+            if tile.motion.corrects and measured:
+                self._maps[name].append((world.time, Surface(tile.geometry, _shown(tile, world.time))))
+            elif not tile.motion.corrects and self._revisions.get(name) != tile.revision:
                 self._revisions[name] = tile.revision
-                self._maps[name].append(Kept(tile.time, tile.geometry, tile.heights.copy()))
-
-    def keep(self, world: World) -> None:
-        for name, tile in _height_maps(world, corrects=True):
-            self._maps[name].append(Kept(world.time, tile.geometry, _shown(tile, world.time)))
+                self._maps[name].append((tile.time, Surface(tile.geometry, tile.heights.copy())))
 
     def at(self, time: float) -> list[Surface]:
-        return [_between(maps, time) for maps in self._maps.values() if maps[0].time <= time]
+        """Return the surfaces at a time [s] of a run that is over."""
+        return [_between(maps, time) for maps in self._maps.values() if maps[0][0] <= time]
 
 
-class Kept(NamedTuple):
-    """Heights (rows, columns) [m] of a tile at ``time`` [s], without the origin's z."""
-
-    time: float
-    geometry: GridGeometry
-    heights: NDArray[np.float32]
-
-
-def _height_maps(world: World, *, corrects: bool) -> Iterator[tuple[str, HeightMap]]:
-    maps = ((name, tile) for name, tile in world.terrain.tiles.items() if isinstance(tile, HeightMap))
-    return ((name, tile) for name, tile in maps if tile.motion.corrects == corrects)
-
-
-def _between(maps: list[Kept], time: float) -> Surface:
-    after = bisect_right(maps, time, key=lambda one: one.time)
-    before = maps[after - 1]
+def _between(maps: list[tuple[float, Surface]], time: float) -> Surface:
+    after = bisect_right(maps, time, key=itemgetter(0))
+    start, before = maps[after - 1]
     heights = before.heights.astype(np.float64)
-    if after < len(maps) and maps[after].geometry == before.geometry:
-        share = (time - before.time) / (maps[after].time - before.time)
-        heights += share * (maps[after].heights - heights)
+    if after < len(maps) and maps[after][1].geometry == before.geometry:
+        end, last = maps[after]
+        heights += (time - start) / (end - start) * (last.heights - heights)
     return Surface(before.geometry, heights)
 
 

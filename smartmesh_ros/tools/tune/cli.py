@@ -10,14 +10,12 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.running import Stop
 from smartmesh_ros.startup.arguments import Parser, make_folder
-from smartmesh_ros.tools.replay.cli import INTERRUPTED, ProgressLine, add_node_arguments, ended, rules_of
+from smartmesh_ros.tools.replay.cli import ProgressLine, add_node_arguments, ended, rules_of
 from smartmesh_ros.tools.replay.parameters import preset_values, read_parameters
 from smartmesh_ros.tools.replay.transport import Names
 from smartmesh_ros.tools.tune.case import open_case
@@ -30,13 +28,7 @@ LIMITS = {"budget": "cost", "penetration": "penetration", "deadline": "longest"}
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Search, and return the exit code: 0 = limits met, 1 = limits not met, 2 = cannot start, 130 = interrupted."""
-    if arguments is None:
-        Stop()  # the first signal raises KeyboardInterrupt; later ones leave the processes the time to end
-    try:
-        return ended(parser(), arguments, _run, needs="rosbags matplotlib")
-    except KeyboardInterrupt:
-        print("\ninterrupted", file=sys.stderr)
-        return INTERRUPTED
+    return ended(parser(), arguments, _run, needs="rosbags matplotlib")
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -63,9 +55,9 @@ def find(options: argparse.Namespace) -> Result:
     asked = {figure: limit for figure, limit in given.items() if limit is not None}
     rules = rules_of(options.remap)
     preset = preset_values(options.preset) if options.preset else {}
-    parameters = {**preset, **read_parameters(options.params_file, options.param, Names(rules=rules).node)}
+    parameters = {**preset, **read_parameters(options.params_file, options.param, Names(rules).node)}
     case, line = open_case(options.source, parameters, rules, options.seconds), ProgressLine()
-    points = measure_all(case, options.jobs, lambda done, count: line.show(done / count))
+    points = measure_all(case, options.jobs, line.show)
     line.clear()
     return Result(case, asked, points)
 

@@ -22,8 +22,8 @@ class Figures:
     ``values``: of the parameters of the grid. ``cost``: processor time of messages and steps per simulated second [s],
     which is the share of a core in real time. ``longest``: processor time of the longest step with the messages before
     it [s]. ``penetration`` and ``hover``: 99th percentiles [m], defined as in the accuracy study. ``deviation``: median
-    distance of the bodies from a run at small steps [m], NaN = unknown. ``lost``: number of bodies whose centre was
-    below the ground or that left the world. ``rescued``: how often bodies were lifted back onto the ground.
+    distance of the bodies from a run at small steps [m], NaN = unknown. ``failed``: number of bodies whose centre was
+    below the ground or that left the world, and how often bodies were lifted back onto the ground.
     """
 
     values: Mapping[str, Any] = field(default_factory=dict)
@@ -32,13 +32,7 @@ class Figures:
     penetration: float = math.nan
     hover: float = math.nan
     deviation: float = math.nan
-    lost: int = 0
-    rescued: int = 0
-
-    @property
-    def failed(self) -> int:
-        """Number of lost bodies and rescues."""
-        return self.lost + self.rescued
+    failed: int = 0
 
     @property
     def error(self) -> float:

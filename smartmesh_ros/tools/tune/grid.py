@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import multiprocessing
 from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
-from itertools import product
+from itertools import product, repeat
 from typing import Any
 
 import numpy as np
@@ -44,21 +44,20 @@ def own_settings(given: Mapping[str, Any]) -> dict[str, float]:
     return {name: float(given.get(name, value)) for name, value in KNOWN.items()}
 
 
-def measure_all(case: Case, jobs: int, say: Callable[[int, int], None] = lambda done, count: None) -> list[Figures]:
-    """Return the figures of all settings, measured in ``jobs`` processes at a time, and ``say`` how many are done after
-    each. Raises `InputError` if the node would refuse the case, or nothing can be measured."""
+def measure_all(case: Case, jobs: int, show: Callable[[float], None]) -> list[Figures]:
+    """Return the figures of all settings, measured in ``jobs`` processes at a time, and ``show`` which share is done
+    after each. Raises `InputError` if the node would refuse the case, or nothing can be measured."""
     tried = settings_to_try(case.parameters)
-    found: dict[int, tuple[Figures, dict[str, Vector]]] = {}
+    found: list[tuple[Figures, dict[str, Vector]]] = []
     # A process for each setting: what one has allocated and cached does not change the cost of another. They are forks
     # of a process that has imported everything.
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([measure.__module__])
     with ProcessPoolExecutor(jobs, context, max_tasks_per_child=1) as pool:
         try:
-            work = {pool.submit(measure, case, values): place for place, values in enumerate([*tried, SMALL_STEPS])}
-            for future in as_completed(work):
-                found[work[future]] = future.result()
-                say(len(found), len(work))
+            for measured in pool.map(measure, repeat(case), [*tried, SMALL_STEPS]):
+                found.append(measured)
+                show(len(found) / (len(tried) + 1))
         except BrokenProcessPool:
             raise InputError("jobs", "a process ended before its setting was measured; see its output above") from None
         except KeyboardInterrupt:
@@ -67,10 +66,9 @@ def measure_all(case: Case, jobs: int, say: Callable[[int, int], None] = lambda 
             raise
         finally:
             pool.shutdown(cancel_futures=True)
-    _, reference = found.pop(len(tried))
+    _, reference = found.pop()
     points = []
-    for place, values in enumerate(tried):
-        figures, positions = found[place]
+    for values, (figures, positions) in zip(tried, found, strict=True):
         apart = [math.dist(positions[name], end) for name, end in reference.items() if name in positions]
         points.append(replace(figures, values=values, deviation=float(np.median(apart)) if apart else math.nan))
     if math.isinf(point_of(points, KNOWN).error):

@@ -7,7 +7,7 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from time import process_time
 from typing import Any, NamedTuple
 
@@ -58,33 +58,32 @@ class Snapshot(NamedTuple):
     held: set[str]
 
 
-@dataclass
-class Run:
-    """What one run was like: the processor time of each step with the messages before it [s], snapshots, and the
-    ``positions`` of bodies at the case's horizon [m]."""
+class Run(NamedTuple):
+    """What one run was like: the processor time of each step with the messages before it [s], the ``positions`` of
+    bodies at the case's horizon [m], and the figures of accuracy."""
 
     steps: list[float]
-    snapshots: list[Snapshot]
     positions: dict[str, Vector]
+    figures: Figures
 
 
 def measure(case: Case, values: Mapping[str, Any]) -> tuple[Figures, dict[str, Vector]]:
     """Return the figures of a case with these parameters but for the deviation, and the positions of bodies at the
     horizon [m]. Raises `InputError` if the node would refuse the parameters."""
-    first, figures = _run(case, values)
-    others = [_run(case, values)[0] for _ in range(REPEATS - 1)]
-    steps = np.median([first.steps, *(other.steps for other in others)], axis=0)
+    runs = [_run(case, values, accuracy=number == 0) for number in range(REPEATS)]
+    steps = np.median([run.steps for run in runs], axis=0)
     after = steps[round(case.settle * len(steps) / case.length) :]
     cost = float(steps.sum()) / case.length
-    return replace(figures, cost=cost, longest=float(after.max(initial=0.0))), first.positions
+    return replace(runs[0].figures, cost=cost, longest=float(after.max(initial=0.0))), runs[0].positions
 
 
-def _run(case: Case, values: Mapping[str, Any]) -> tuple[Run, Figures]:
-    """Run a case once; the figures are those of accuracy."""
+def _run(case: Case, values: Mapping[str, Any], *, accuracy: bool) -> Run:
+    """Run a case once; the figures of ``accuracy`` are those of any other run."""
     replay, truth = case.start(values)
     with replay:
         world, rate = replay.world, replay.collider.settings.world.physics.rate
-        found, spent, before, steps = Run([], [], {}), 0.0, dict[str, Vector](), replay.steps(case.length)
+        spent, before, positions = 0.0, dict[str, Vector](), dict[str, Vector]()
+        times, snapshots, steps = list[float](), list[Snapshot](), replay.steps(case.length)
         gc.disable()  # its pauses are not caused by the step in which they occur
         while True:
             start, at = process_time(), world.time
@@ -92,22 +91,24 @@ def _run(case: Case, values: Mapping[str, Any]) -> tuple[Run, Figures]:
             spent += process_time() - start
             if ended:
                 break
-            truth.note(world)
+            number, steps_of_sample = round(world.time * rate), round(rate / SAMPLES)
+            measured = world.time != at and number % steps_of_sample == 0
+            truth.note(world, measured=measured)
             if world.time == at:
                 continue
-            found.steps.append(spent)
-            spent, number = 0.0, round(world.time * rate)
-            if (number + 1) % round(rate / SAMPLES) == 0:
+            times.append(spent)
+            spent = 0.0
+            if (number + 1) % steps_of_sample == 0:
                 before = _velocities(world)
-            elif number % round(rate / SAMPLES) == 0:
-                found.snapshots.append(Snapshot(world.time, dict(_parts_of(world)), _held(world, before, rate)))
-                truth.keep(world)
+            elif measured:
+                snapshots.append(Snapshot(world.time, dict(_parts_of(world)), _held(world, before, rate)))
             if number == round(case.horizon * rate):
-                found.positions = {name: world.state(name).position for name in _velocities(world)}
+                positions = {name: world.state(name).position for name in _velocities(world)}
         gc.enable()
         lost, rescued = set(world.lost), world.rescues
-    surfaces = (truth.at(snapshot.time) for snapshot in found.snapshots)
-    return found, replace(_accuracy(case, found.snapshots, surfaces, lost), rescued=rescued)
+    surfaces = (truth.at(snapshot.time) for snapshot in snapshots)
+    figures = _accuracy(case, snapshots, surfaces, lost) if accuracy else Figures()
+    return Run(times, positions, replace(figures, failed=figures.failed + rescued))
 
 
 def _velocities(world: World) -> dict[str, Vector]:
@@ -152,7 +153,7 @@ def _accuracy(
     below = np.logical_or.accumulate(table[..., 1] > 0.0, axis=0)
     found = penetration(table[skip:, :, 0], below[skip:], table[skip:, :, 2] > 0.0)
     under = {parts[index].body for index in np.flatnonzero(below[-1])}
-    return Figures(penetration=found.p99, hover=found.hover, lost=len(under | lost))
+    return Figures(penetration=found.p99, hover=found.hover, failed=len(under | lost))
 
 
 def _measure_parts(snapshot: Snapshot, surfaces: Iterable[Surface]) -> dict[Part, tuple[float, bool, bool]]:

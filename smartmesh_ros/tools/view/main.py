@@ -11,14 +11,11 @@ import sys
 from contextlib import closing, nullcontext
 from time import monotonic
 
-from rclpy.utilities import try_shutdown
-
-from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.helping import own_arguments
-from smartmesh_ros.node.running import Stop, init
+from smartmesh_ros.node.running import Stop
 from smartmesh_ros.startup.arguments import Parser, number
-from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
-from smartmesh_ros.tools.client.remote import Remote
+from smartmesh_ros.startup.dds import isolated_unless_chosen
+from smartmesh_ros.tools.client.remote import Remote, following
 from smartmesh_ros.tools.demo.demo import demo_running
 
 # Time after which the view says that its node is not there [s].
@@ -36,30 +33,19 @@ def main(args: list[str] | None = None) -> None:
     parser.add_argument("--rate", type=rate, default=12.0, help="updates of the page a second, 1 to 100 (%(default)s)")
     parser.add_argument("--demo", action="store_true", help="start the demo's nodes and show them")
     options = parser.parse_args(own_arguments(given))
-    use_large_message_profile()
-    with isolated_unless_chosen() if options.demo else nullcontext():
-        init(given)
-        stop = Stop()
+    domain = isolated_unless_chosen() if options.demo else nullcontext()
+    with domain, following(options.node, "view", given) as (remote, stop):
         try:
-            show(options, stop)
-        except InputError as error:
-            sys.exit(f"view: {error}")
+            show(remote, options, stop)
         except ModuleNotFoundError as error:
             sys.exit(f"the view needs {error.name}, which is not installed: pip install 'viser[urdf]'")
-        except KeyboardInterrupt:
-            pass
-        finally:
-            try_shutdown()
 
 
-def show(options: argparse.Namespace, stop: Stop) -> None:
+def show(remote: Remote, options: argparse.Namespace, stop: Stop) -> None:
     """Show a node until ``stop`` is asked for."""
     from smartmesh_ros.tools.view.page import Page
 
-    with (
-        closing(Remote("/" + options.node.strip("/"))) as remote,
-        demo_running(remote) if options.demo else nullcontext() as demo,
-    ):
+    with demo_running(remote) if options.demo else nullcontext() as demo:
         stop.starting = False  # the page is ended in order
         with closing(Page(remote, options.host, options.port)) as page:
             print(f"{remote.name} is shown at {page.url}", flush=True)

@@ -98,7 +98,7 @@ class Panel:
 
     def _status_words(self) -> str:
         remote, sight = self._remote, self._remote.sight
-        if not remote.is_running:
+        if not remote.runs:
             return f"**no node** `{remote.name}` in this DDS domain"
         head = "**paused**" if remote.paused else "**running**"
         if not remote.timings:
@@ -116,13 +116,19 @@ class Panel:
         listen(lambda _: self._actions.put(act))
 
     def _call(self, service: str, **fields: Any) -> None:
-        def done(refused: str) -> None:
-            if refused:
-                self._remote.log.append(f"{service} refused: {refused}")  # the node's log has the same words
-            elif service == "pause":
-                self._remote.paused = fields["data"]
+        """Call a service without a wait for the answer."""
+        remote, client = self._remote, self._remote.clients[service]
 
-        self._remote.call(service, done, **fields)
+        def done(future: Any) -> None:
+            if not future.result().success:  # the node's log has the same words
+                remote.log.append(f"{service} refused: {future.result().message}")
+            elif service == "pause":
+                remote.paused = fields["data"]
+
+        if client.service_is_ready():
+            client.call_async(client.srv_type.Request(**fields)).add_done_callback(done)
+        else:
+            remote.log.append(f"{service} refused: there is no service {client.srv_name}: is the node running?")
 
     def _clicked(self, event: Any) -> None:
         origin, direction = np.array(event.ray_origin), np.array(event.ray_direction)

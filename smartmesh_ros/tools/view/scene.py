@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from smartmesh_msgs.msg import BodyDescription
 
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -96,7 +97,7 @@ class Scene:
             batch.batched_positions, batch.batched_wxyzs, batch.batched_colors = positions, turns, colours
 
     def _show_robots(self, sight: Sight) -> None:
-        robots = sight.robots
+        robots = {name: known for name, known in sight.appearances.items() if known.shape == BodyDescription.ROBOT}
         for name in list(self._robots):
             if self._robots[name].appearance != robots.get(name):
                 self._robots.pop(name).remove()

@@ -23,7 +23,6 @@ from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.scenes import tracks
-from smartmesh_ros.tools.replay.bag import Bag
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import bags, floats, heightmap_message, mesh_message, pose_message
 from tests.grid_maps import grid_map_message
@@ -206,7 +205,7 @@ def in_order(name: str) -> list[Message]:
 
 def digest_of(name: str, folder: Path) -> str:
     bags.write(folder / name, in_order(name))
-    with Replay(Bag(folder / name), RECORDINGS[name][0]) as replay:
+    with Replay(folder / name, RECORDINGS[name][0]) as replay:
         replay.run()
         return replay.digest
 

@@ -14,6 +14,7 @@ from rosbags.interfaces import QosDurability
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from smartmesh_ros.tools.replay import cli
 from smartmesh_ros.tools.replay.bag import class_of
 from smartmesh_ros.tools.replay.cli import main
 from smartmesh_ros.tools.testing import TIMEOUT, bags, executable, heightmap_message
@@ -106,6 +107,14 @@ def test_an_interrupted_run_leaves_a_whole_file(bag: str, tmp_path: Path) -> Non
     assert "until interrupted" in said and said.splitlines()[-1].startswith("digest: ")
     with Reader(out) as opened:
         assert sum(1 for _ in opened.messages()) == opened.message_count > 10
+
+
+def test_a_signal_before_the_first_step_ends_the_run_as_one_in_it(bag: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "Replay", interrupted)
+    assert main([bag]) == 130
 
 
 def test_a_parameter_file_is_that_of_the_node(bag: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

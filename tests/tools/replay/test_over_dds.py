@@ -10,8 +10,8 @@ from rclpy.serialization import deserialize_message
 from smartmesh_msgs.msg import Heightmap, TrackedBodyArray
 from smartmesh_msgs.srv import SpawnBody
 
+from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import Probe, bags
-from smartmesh_ros.tools.testing.replaying import replayed
 from tests.node.shared import position_of, spawn
 
 PARAMETERS = {"service_introspection": "contents"}
@@ -40,7 +40,7 @@ def test_a_recorded_run_is_replayed(probe: Probe, tmp_path: Path) -> None:
         place = pytest.approx((1.0, 0.5, 0.2), abs=1e-3)
         probe.wait_for(lambda: position_of(probe, "ball") == place)
     bags.write(tmp_path / "bag", records)
-    with replayed(tmp_path / "bag", PARAMETERS) as run:
+    with Replay(tmp_path / "bag", PARAMETERS) as run:
         run.run()
         run.run(run.time + 1.0)
         assert not run.refused

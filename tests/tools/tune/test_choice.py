@@ -41,7 +41,7 @@ def test_what_is_better_is_chosen_and_a_limit_that_binds_is_named() -> None:
     assert "cost 0.2 of a core (at most 0.1 of a core, as asked)" in said, "the defaults are nearest"
     assert "What binds is the limit of cost" in said or "What binds is the limit of hover" in said
     limits, both = limits_of({"cost": 0.1}, BASE), figures(cost=0.05, hover=5e-3, deviation=0.5)
-    assert binding([both, figures(cost=0.5, hover=9e-3, lost=2)], limits) == ("hover", "deviation")
+    assert binding([both, figures(cost=0.5, hover=9e-3, failed=2)], limits) == ("hover", "deviation")
     assert binding([both, figures(cost=0.05, deviation=0.03)], limits) == ("deviation",)
 
 
@@ -56,7 +56,7 @@ COSTS = st.floats(1e-3, 10.0)
 LENGTHS = st.floats(0.0, 0.1)
 ANY_FIGURES = st.builds(
     Figures, cost=COSTS, longest=st.floats(1e-5, 0.1), penetration=LENGTHS | st.just(math.nan), hover=LENGTHS,
-    deviation=LENGTHS | st.just(math.nan), lost=st.integers(0, 2),
+    deviation=LENGTHS | st.just(math.nan), failed=st.integers(0, 2),
 )  # fmt: skip
 POINTS = st.lists(ANY_FIGURES, min_size=1, max_size=30)
 ASKED = st.dictionaries(st.sampled_from(["cost", "penetration", "longest"]), st.floats(1e-4, 1.0))

@@ -30,7 +30,7 @@ def test_the_ground_is_read_from_between_all_other_markers() -> None:
         [ground] = [marker for marker in scene.markers if marker.points]
         assert np.array_equal(drawn_scene(serialize_message(scene))[0], points_of(ground))
         scene.markers = [marker for marker in scene.markers if not marker.points]
-        assert drawn_scene(serialize_message(scene)) == (None, {})
+        assert drawn_scene(serialize_message(scene)) == (None, [])
 
 
 def test_tracked_bodies_are_where_the_node_has_them_whatever_their_topics_frames_and_shapes() -> None:

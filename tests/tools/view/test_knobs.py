@@ -39,6 +39,7 @@ def test_the_ground_of_a_run_that_is_over_is_forgotten(probe: Probe, remote: Rem
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     probe.node.create_publisher(Heightmap, maps, latched).publish(heightmap_message(np.zeros((4, 4))))
     run = probe.node.create_publisher(TrackedBodyArray, states, 10)
+    remote.watch(set())
 
     def tiles() -> list[str]:
         remote.spin(0.05)
@@ -49,7 +50,7 @@ def test_the_ground_of_a_run_that_is_over_is_forgotten(probe: Probe, remote: Rem
         probe.publishers["terrain_mesh"].publish(mesh_message(np.eye(3), [(0, 1, 2)], tile=tile))
         return tiles()
 
-    probe.wait_for(lambda: remote.is_running and given("before") == ["", "before"])
+    probe.wait_for(lambda: given("before") == ["", "before"] and remote.runs)
     if not killed:
         probe.node.destroy_publisher(run)
         probe.wait_for(lambda: tiles() == [""])

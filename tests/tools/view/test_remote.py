@@ -21,6 +21,7 @@ from smartmesh_ros.tools.view import main, page
 
 def test_tiles_that_are_published_in_a_burst_are_all_shown(remote: Remote, probe: Probe) -> None:
     maps = probe.publishers["heightmap"]
+    remote.watch(set())
 
     def shown() -> set[str]:
         remote.spin(0.02)
@@ -62,8 +63,7 @@ def test_messages_are_handled_however_long_a_page_takes(monkeypatch: pytest.Monk
     made: Any = SimpleNamespace(url="", close=lambda: None, refresh=lambda: spend("page", next(left)))
     monkeypatch.setattr(page, "Page", lambda *_: made)
     remote: Any = SimpleNamespace(name="", missing="", close=lambda: None, spin=lambda time: spend("messages", time))
-    monkeypatch.setattr(main, "Remote", lambda _: remote)
     options = Namespace(node="n", host="", port=0, rate=100.0, demo=False)
     with suppress(StopIteration):
-        main.show(options, SimpleNamespace(asked=False, starting=True))
+        main.show(remote, options, SimpleNamespace(asked=False, starting=True))
     assert spent["messages"] > 0.8 * spent["page"] > 0.4
