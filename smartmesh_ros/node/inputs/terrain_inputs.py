@@ -118,7 +118,7 @@ class TerrainInputs:
         with self._ingesting(new.start, update=True) as (target, placed):
             tile = target.tiles.tile(target.tile)
             if not isinstance(tile, HeightMap):
-                words = f"tile {new.start.tile!r} is a general mesh; use ~/terrain_mesh_update"
+                words = f"tile {new.start.name!r} is a general mesh; use ~/terrain_mesh_update"
                 raise InputError("unknown_tile", words)
             time = max(placed.time, tile.time)  # of a source whose clock is behind that of another one
             require_soils(new.material, self._session.settings)
@@ -158,12 +158,12 @@ class TerrainInputs:
         with self._ingesting(new.start, update=True) as (target, placed):
             mesh = target.tiles.tile(target.tile)
             if not isinstance(mesh, TriangleMesh):
-                raise InputError("unknown_tile", f"tile {new.start.tile!r} is a height map; use ~/heightmap_update")
+                raise InputError("unknown_tile", f"tile {new.start.name!r} is a height map; use ~/heightmap_update")
             time = max(placed.time, mesh.time)
             mesh.move(new.vertices, time=time, indices=new.indices, velocities=new.velocities)
 
     def _target(self, start: Stamped) -> Target:
-        return self._decks.target(start.tile, start.frame_id)
+        return self._decks.target(start.name, start.frame_id)
 
     @contextmanager
     def _ingesting(self, start: Stamped, *, update: bool = False) -> Iterator[tuple[Target, Placed]]:
