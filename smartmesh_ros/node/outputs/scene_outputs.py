@@ -20,7 +20,7 @@ from smartmesh_ros.ground.quaternions import rotated
 from smartmesh_ros.ground.shapes import ShapeKind
 from smartmesh_ros.node.inputs.conversions import RobotNames
 from smartmesh_ros.node.outputs.cdr import ArrayMessage, fields_of, stamp_fields
-from smartmesh_ros.node.outputs.ground_view import GroundView, ground_points, window_around
+from smartmesh_ros.node.outputs.ground_view import ground_points, window_around
 from smartmesh_ros.node.outputs.patch_outputs import deletion
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
@@ -38,6 +38,8 @@ COLOURS: dict[ShapeKind, Colour] = {
     CAPSULE: (0.47, 0.37, 0.16, 1.0),
 }  # fmt: skip
 TRACKED, GROUND = (0.6, 0.6, 0.6, 0.5), (0.45, 0.5, 0.42, 1.0)
+# Shortest time between two drawings of ground that changes [s].
+GROUND_PERIOD = 0.1
 # Markers of a body: a capsule is a cylinder and two balls.
 PER_BODY = 3
 _FIELDS = (*fields_of("pose.position"), *fields_of("pose.orientation", "xyzw"), *fields_of("scale"))
@@ -60,7 +62,6 @@ class SceneMarkers:
 
     def __init__(self, session: Session) -> None:
         self._session, self._world = session, session.world
-        self._view = GroundView()
         own = session.marker_namespace
         self.namespaces = ("bodies", "ground") if own == "patches" else (f"{own}/bodies", f"{own}/ground")
         self._bodies, self._ground = self.namespaces
@@ -115,18 +116,18 @@ class SceneMarkers:
 
     def _add_ground(self, header: Header, poses: FloatArray, *, again: bool) -> None:
         """Add the ground if it or the place of the bodies has changed, or ``again``."""
-        world, view, now = self._world, self._view, self._session.clock.steady()
+        world, now = self._world, self._session.clock.steady()
         if not again and now < self._due:
             return
-        self._due = now + view.period
-        window = window_around(poses, world.terrain, view)
+        self._due = now + GROUND_PERIOD
+        window = window_around(poses, world.terrain)
         moving = world.terrain.moving(world.time)
         patches_w = world.patches().table().points_w
         seen = (window, world.terrain.revision, header.frame_id, patches_w.tobytes())
         if window is None or (seen == self._last and not moving and not again):
             return
         self._last = seen
-        points = ground_points(window, world.terrain, world.time, view, patches_w)
+        points = ground_points(window, world.terrain, world.time, patches_w)
         make = partial(_marker, self._ground, header.frame_id, Marker.TRIANGLE_LIST, GROUND, points=len(points))
         fields = {**stamp_fields(header), "id": 0, "points": points[None]}
         self._message.add((header.frame_id, "ground", len(points)), make, 1, fields)
