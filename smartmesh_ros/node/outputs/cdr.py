@@ -82,12 +82,14 @@ def bytes_of(message: Any) -> bytes:
 
 
 class Elements:
-    """Layout of equal elements of a sequence. The template element defines all lengths and the constant values."""
+    """Layout of equal elements of a sequence. The template element defines all lengths and the constant values.
+    ``longest``: upper bound of the size of an element [bytes]."""
 
     def __init__(self, template: Any) -> None:
         self._numbers = list(_numbers_of(template))
         self._rows: dict[int, NDArray[Any]] = {}
         self._alignment: int = self._row(0)[0][0].itemsize
+        self.longest: int = self._row(0).itemsize + 2 * MAX_ALIGNMENT
 
     def _row(self, phase: int) -> NDArray[Any]:
         """Return the template as a record (1,), for a start ``phase`` bytes after a multiple of `MAX_ALIGNMENT`."""
@@ -132,10 +134,6 @@ class Elements:
             end = max(end, start + (n - 1) * period + row.itemsize)
         return end
 
-    def size_bound(self, count: int) -> int:
-        """Return an upper bound of the size of ``count`` elements [bytes]."""
-        return count * (self._row(0).itemsize + 2 * MAX_ALIGNMENT)
-
 
 class ArrayMessage:
     """A message that ends with a sequence, written in groups of equal elements into a reused buffer."""
@@ -161,7 +159,7 @@ class ArrayMessage:
         if key not in self._layouts:
             self._layouts[key] = Elements(template())
         layout = self._layouts[key]
-        if (need := self._end + layout.size_bound(count)) > len(self._buffer):
+        if (need := self._end + count * layout.longest) > len(self._buffer):
             self._buffer = np.append(self._buffer[: self._end], np.zeros(2 * need, np.uint8))
         self._end = layout.put(self._buffer, self._end, count, fields)
         self._count += count
