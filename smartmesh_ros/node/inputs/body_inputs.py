@@ -68,7 +68,7 @@ class BodyInputs:
             session.listen(TwistStamped, f"cmd_vel_stamped/{name}", partial(self._on_stamped, drive), BEST_EFFORT)
 
     def forget_stamps(self) -> None:
-        self._clocks.forget()
+        self._clocks.clear()
         self._frames.forget()
         self.transforms.buffer.clear()
 
@@ -105,16 +105,14 @@ class BodyInputs:
         stamp = stamp_seconds(header.stamp)
         transform = self.transforms.to_terrain(header.frame_id, stamp)
         with self._placed(topic, stamp) as placed:
-            session.require_room(body.name for body in bodies)
-            states = [body.state if transform is None else transform.apply(body.state) for body in bodies]
-            radii = [body.radius or session.settings.default_radius for body in bodies]
-            for body, state, radius in zip(bodies, states, radii, strict=True):
+            if transform is not None:
+                bodies = [body._replace(state=transform.apply(body.state)) for body in bodies]
+            for body in bodies:
                 session.require_not_simulated(body.name)
                 require_name(body.name)
-                require_possible(body.name, state)
-                require_between(f"radius of {body.name!r}", radius, SIZES, "m")
-            for body, state, radius in zip(bodies, states, radii, strict=True):
-                self._set(topic, body._replace(state=state, radius=radius), placed.time)
+                require_possible(body.name, body.state)
+                require_between(f"radius of {body.name!r}", self._radius(body), SIZES, "m")
+            self._set(topic, bodies, placed.time)
 
     def _follow(self, name: str, pose: Transform, stamp: float | None, restarted: bool) -> None:
         session, source, frame = self._session, f"{SOURCE} {name}", self._sources[name]
@@ -123,26 +121,30 @@ class BodyInputs:
             words = f"frame {frame!r} of body {name!r} is one that this node publishes (publish.tf)"
             raise InputError("own_topic", f"{words}; a body that follows it would overlap the simulated one")
         if restarted:
-            self._clocks.forget(source)
+            self._clocks.pop(source, None)
         with self._placed(source, stamp) as placed:
-            self._set(SOURCE, BodyInput(name, BodyState(*pose), session.settings.default_radius), placed.time)
+            self._set(SOURCE, [BodyInput(name, BodyState(*pose), 0.0)], placed.time)
 
-    def _set(self, topic: str, body: BodyInput, time: float) -> None:
-        """Set the state of a body, or of all parts of a robot, at ``time`` [s] of the loop's clock; count and log a
-        jump of its pose."""
-        session, parts = self._session, self._parts(body)
-        session.require_room(part.name for part in parts)
-        jumps = [session.tracking.update(*part, time, session.clock.pace(), stated=body.stated) for part in parts]
-        if jump := next(filter(None, jumps), ""):
-            session.jumps[topic] += 1
-            session.node.get_logger().warning(f"{topic}: {jump}", throttle_duration_sec=LOG_PERIOD)
+    def _set(self, topic: str, bodies: list[BodyInput], time: float) -> None:
+        """Set the states of bodies, and of all parts of robots, at ``time`` [s] of the loop's clock; count and log
+        jumps of their poses."""
+        session, parts = self._session, [self._parts(body) for body in bodies]
+        session.require_room(part.name for own in parts for part in own)
+        for body, own in zip(bodies, parts, strict=True):
+            jumps = [session.tracking.update(*part, time, session.clock.pace(), stated=body.stated) for part in own]
+            if jump := next(filter(None, jumps), ""):
+                session.jumps[topic] += 1
+                session.node.get_logger().warning(f"{topic}: {jump}", throttle_duration_sec=LOG_PERIOD)
+
+    def _radius(self, body: BodyInput) -> float:
+        return body.radius or self._session.settings.default_radius
 
     def _parts(self, body: BodyInput) -> list[TrackedPart]:
         """Return the tracked bodies that a body is: itself, or the parts of its robot. Without a stated velocity theirs
         is zero, to be estimated from successive poses."""
         robot = self._robots.get(body.name)
         if robot is None:
-            solid = body.solid or self._solids.get(body.name) or Sphere(body.radius)
+            solid = body.solid or self._solids.get(body.name) or Sphere(self._radius(body))
             return [TrackedPart(body.name, solid, body.state)]
         parts = [*robot.parts(body.state)]
         if body.stated or any(body.state.linear) or any(body.state.angular):

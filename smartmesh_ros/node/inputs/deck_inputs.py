@@ -81,12 +81,12 @@ class DeckInputs:
         self._frames.refresh()
 
     def forget_stamps(self) -> None:
-        self._clocks.forget()
+        self._clocks.clear()
         self._frames.forget()
 
     def _follow(self, name: str, pose: Transform, stamp: float | None, restarted: bool) -> None:
         if restarted:
-            self._clocks.forget(_source(name))
+            self._clocks.pop(_source(name), None)
         self._move(name, BodyState(*pose), stamp, stated=False)
 
     def _on_odometry(self, name: str, message: Odometry) -> None:

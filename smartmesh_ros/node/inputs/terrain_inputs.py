@@ -78,7 +78,7 @@ class TerrainInputs:
                 self.load(files.load(settings.file, settings.raster, MOST_SAMPLES))
 
     def forget_stamps(self) -> None:
-        self._clocks.forget()
+        self._clocks.clear()
         self._checks.forget()
         for name, tile in self._terrain.tiles.items():
             if isinstance(tile, HeightMap):
@@ -184,7 +184,7 @@ class TerrainInputs:
             if target.tile in tiles:
                 tiles[target.tile].delay = self._clocks.of(_source(target)).delay
             else:  # the message removed it; names of others may come without end
-                self._clocks.forget(_source(target))
+                self._clocks.pop(_source(target), None)
                 self._checks.forget(target.name)
             if not target.frame:
                 session.frame_id = session.frame_id or start.frame_id or DEFAULT_FRAME
