@@ -68,7 +68,8 @@ def disagreement(geometry: GridGeometry, heights: Heights, other: GridGeometry, 
 
 
 class MapChecks:
-    """Checks the maps of each tile: by a `NoiseCheck`, by `Rivals`, and for ground."""
+    """Checks the maps of each tile: by a `NoiseCheck`, by `Rivals`, and for ground. Sets the session's ``map_warning``
+    to the first suspected problem."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -77,11 +78,6 @@ class MapChecks:
         self._empty: dict[str, int] = {}  # numbers of samples of tiles without any ground
         self._problems = {"rivals": "", "holes": "", "noise": ""}  # suspected, and what to do about them; "" = none
         self._warned = dict.fromkeys(self._problems, -LOG_PAUSE)  # steady times when they were last seen [s]
-
-    @property
-    def warning(self) -> str:
-        """The first suspected problem, and what to do about it; empty = none."""
-        return next(filter(None, self._problems.values()), "")
 
     def forget(self, tile: str | None = None) -> None:
         """Restarts the checks of a tile, or of all tiles."""
@@ -150,6 +146,7 @@ class MapChecks:
                 self._session.node.get_logger().warning(words)
             if words or before[kind]:
                 self._warned[kind] = now
+        self._session.map_warning = next(filter(None, self._problems.values()), "")
 
 
 def _is_hole(heights: Heights) -> bool:

@@ -83,7 +83,6 @@ class TerrainInputs:
         for name, tile in self._terrain.tiles.items():
             if isinstance(tile, HeightMap):
                 self._checks.note_holes(name, tile)
-        self._session.map_warning = self._checks.warning
 
     def _on_map(self, data: bytes) -> None:
         new = map_from(data)
@@ -190,7 +189,6 @@ class TerrainInputs:
                 session.frame_id = session.frame_id or start.frame_id or DEFAULT_FRAME
             session.last_map_time = session.clock.steady()
             session.maps += 1
-            session.map_warning = self._checks.warning
         self._on_terrain()
 
     def _require_place(self, target: Target, start: Stamped, *, update: bool) -> None:

@@ -22,6 +22,7 @@ from smartmesh_ros.node.inputs.conversions import RobotNames
 from smartmesh_ros.node.outputs.cdr import ArrayMessage, fields_of, stamp_fields
 from smartmesh_ros.node.outputs.ground_view import ground_points, window_around
 from smartmesh_ros.node.outputs.patch_outputs import deletion
+from smartmesh_ros.node.outputs.rates import Rhythm
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.world.bodies import Body
@@ -38,8 +39,8 @@ COLOURS: dict[ShapeKind, Colour] = {
     CAPSULE: (0.47, 0.37, 0.16, 1.0),
 }  # fmt: skip
 TRACKED, GROUND = (0.6, 0.6, 0.6, 0.5), (0.45, 0.5, 0.42, 1.0)
-# Shortest time between two drawings of ground that changes [s].
-GROUND_PERIOD = 0.1
+# Highest rate at which ground that changes is drawn [Hz].
+GROUND_RATE = 10.0
 # Markers of a body: a capsule is a cylinder and two balls.
 PER_BODY = 3
 _FIELDS = (*fields_of("pose.position"), *fields_of("pose.orientation", "xyzw"), *fields_of("scale"))
@@ -70,7 +71,7 @@ class SceneMarkers:
         self._next_id = 0
         self._shown = np.empty(0, np.int64)
         self._last: tuple[Any, ...] = ()  # what the ground of the last message depends on
-        self._due = 0.0
+        self._ground_rhythm = Rhythm()
 
     def write(self, header: Header, *, clear: bool) -> bytes:
         """Return the MarkerArray. ``clear``: first delete all markers of before, such as those of a node that ended, or
@@ -116,10 +117,9 @@ class SceneMarkers:
 
     def _add_ground(self, header: Header, poses: FloatArray, *, again: bool) -> None:
         """Add the ground if it or the place of the bodies has changed, or ``again``."""
-        world, now = self._world, self._session.clock.steady()
-        if not again and now < self._due:
+        world = self._world
+        if not self._ground_rhythm.is_due(self._session.clock.steady(), GROUND_RATE, now=again):
             return
-        self._due = now + GROUND_PERIOD
         window = window_around(poses, world.terrain)
         moving = world.terrain.moving(world.time)
         patches_w = world.patches().table().points_w
