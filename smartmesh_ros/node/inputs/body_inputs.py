@@ -22,7 +22,7 @@ from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.conversions import BodyInput, joint_commands_from, tracked_joints_from
 from smartmesh_ros.node.inputs.source_clocks import SourceClocks
-from smartmesh_ros.node.inputs.transform_input import FollowedFrames, TransformInput
+from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.parameters.entries import topic_name
 from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.session import Session, require_name
@@ -48,9 +48,8 @@ class BodyInputs:
         self._solids = {entry.body: entry.solid for entry in shapes if entry.solid is not None}
         with naming("bodies.shapes"):
             self._robots = {entry.body: TrackedRobot(entry.body, entry.urdf) for entry in shapes if entry.urdf}
-        self._sources = dict(session.settings.frames)
-        self._frames = FollowedFrames(session, transforms, SOURCE, self._sources, self._follow)
-        self.refresh = self._frames.refresh  # before each step
+        for name, frame in session.settings.frames:
+            transforms.follow(SOURCE, frame, partial(self._follow, name, frame))
         session.listen(TrackedBodyArray, "tracked_bodies", self._on_bodies, BEST_EFFORT)
         session.listen(PoseArray, "body_poses", self._on_poses, BEST_EFFORT)
         session.listen(JointState, "joint_commands", self._on_joint_commands, BEST_EFFORT)
@@ -66,11 +65,6 @@ class BodyInputs:
             drive, name = partial(self._drive, session.bases[entry.body]), topic_name(entry.body)
             session.listen(Twist, f"cmd_vel/{name}", drive, BEST_EFFORT)
             session.listen(TwistStamped, f"cmd_vel_stamped/{name}", partial(self._on_stamped, drive), BEST_EFFORT)
-
-    def forget_stamps(self) -> None:
-        self._clocks.clear()
-        self._frames.forget()
-        self.transforms.buffer.clear()
 
     def expire(self, stall: float) -> None:
         """Removes the tracked bodies without a pose for the time-out, and logs them, at most once a `LOG_PERIOD`;
@@ -114,8 +108,8 @@ class BodyInputs:
                 require_between(f"radius of {body.name!r}", self._radius(body), SIZES, "m")
             self._set(topic, bodies, placed.time)
 
-    def _follow(self, name: str, pose: Transform, stamp: float | None, restarted: bool) -> None:
-        session, source, frame = self._session, f"{SOURCE} {name}", self._sources[name]
+    def _follow(self, name: str, frame: str, pose: Transform, stamp: float | None, restarted: bool) -> None:
+        session, source = self._session, f"{SOURCE} {name}"
         session.require_not_simulated(name)
         if self.transforms.is_own(frame):
             words = f"frame {frame!r} of body {name!r} is one that this node publishes (publish.tf)"

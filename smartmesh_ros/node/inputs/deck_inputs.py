@@ -14,7 +14,7 @@ from smartmesh_ros.ground.transform import Transform, fixed_to
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.body_inputs import BEST_EFFORT
 from smartmesh_ros.node.inputs.source_clocks import SourceClocks
-from smartmesh_ros.node.inputs.transform_input import FollowedFrames, TransformInput
+from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.stamps import stamp_seconds
 from smartmesh_ros.terrain.deck import Deck, name_of_tile
@@ -45,9 +45,9 @@ class DeckInputs:
             name: Deck(thickness=entry.thickness) for name, entry in self._entries.items()
         }
         self._clocks = SourceClocks(session)
-        frames = {name: entry.name for name, entry in self._entries.items() if entry.source == "frame"}
-        self._frames = FollowedFrames(session, transforms, SOURCE, frames, self._follow)
         for name, entry in self._entries.items():
+            if entry.source == "frame":
+                transforms.follow(SOURCE, entry.name, partial(self._follow, name))
             if entry.source == "odometry":
                 with naming(SOURCE):
                     session.listen(Odometry, entry.name, partial(self._on_odometry, name), BEST_EFFORT, private=False)
@@ -73,16 +73,10 @@ class DeckInputs:
         return Target(self._session.world.terrain, tile, tile)
 
     def refresh(self) -> None:
-        """Moves decks to their frames, as `FollowedFrames` says, and puts those into the terrain whose bodies are
-        there."""
+        """Puts decks into the terrain whose bodies are there."""
         for name, entry in self._entries.items():
             if entry.source == "body" and entry.name in self._session.world.bodies:
                 self._enter(name)
-        self._frames.refresh()
-
-    def forget_stamps(self) -> None:
-        self._clocks.clear()
-        self._frames.forget()
 
     def _follow(self, name: str, pose: Transform, stamp: float | None, restarted: bool) -> None:
         if restarted:

@@ -1,10 +1,11 @@
-"""Transforms from ``/tf`` and ``/tf_static``, subscribed to on first use."""
+"""Transforms from ``/tf`` and ``/tf_static``, subscribed to on first use, and what follows their frames."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -37,8 +38,23 @@ OTHERS_TIME = 5.0
 PERIOD = 0.2
 
 
+# Takes a frame's pose, its stamp [s], None = static, and whether stamps start over.
+Take = Callable[[Transform, float | None, bool], None]
+
+
+@dataclass
+class _Followed:
+    """A frame that ``take`` follows. ``source``: of what is refused. ``seen``: the last pose and its stamp [s]."""
+
+    source: str
+    frame: str
+    take: Take
+    seen: tuple[Transform, float] | None = None
+
+
 class TransformInput:
-    """The frame buffer and its subscriptions, which `listen` creates. ``listening``: True once they exist."""
+    """The frame buffer and its subscriptions, which `listen` creates, and what follows frames. ``listening``: True once
+    the subscriptions exist."""
 
     def __init__(self, session: Session) -> None:
         self.buffer = FrameBuffer()
@@ -46,6 +62,8 @@ class TransformInput:
         self._own: set[str] = set()
         self._others: dict[str, float] = {}  # steady time of their last message [s]; infinite for static frames
         self._sent: deque[int] = deque(maxlen=MOST_OWN)
+        self._followed: list[_Followed] = []
+        self._version, self._due = -1, 0.0  # of the buffer at the last look-up; when the next is due [s]
         self.listening = False
 
     def listen(self, what: str) -> None:
@@ -58,6 +76,43 @@ class TransformInput:
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._session.listen(kind, "/tf", partial(self._take, static=False), moving, raw=True, private=False)
         self._session.listen(kind, "/tf_static", partial(self._take, static=True), latched, raw=True, private=False)
+
+    def follow(self, source: str, frame: str, take: Take) -> None:
+        """Calls ``take`` with each new pose of a frame in the terrain's frame, with that of a static one again and
+        again. ``source``: of what is refused."""
+        self.listen(source)
+        self._followed.append(_Followed(source, frame, take))
+
+    def refresh(self) -> None:
+        """Look up the frames that are followed, if a transform arrived or a `PERIOD` has passed; failures count once a
+        `PERIOD`."""
+        session = self._session
+        if not self._followed or not session.frame_id:
+            return
+        now = session.clock.pace()
+        overdue = now >= self._due
+        if self.buffer.version == self._version and not overdue:
+            return
+        self._version = self.buffer.version
+        self._due = now + PERIOD if overdue else self._due
+        for one in self._followed:
+            try:
+                pose, stamp = self.buffer.lookup(session.frame_id, one.frame)
+                if stamp is None:
+                    one.take(pose, None, False)
+                elif (pose, stamp) != one.seen:
+                    one.take(pose, stamp, one.seen is not None and stamp < one.seen[1])
+                    one.seen = pose, stamp
+            except InputError as error:
+                if overdue:
+                    session.refusals.add(one.source, error)
+
+    def forget_stamps(self) -> None:
+        """Drop all moving transforms, look up at once, and accept any stamps."""
+        self.buffer.clear()
+        self._due = 0.0
+        for one in self._followed:
+            one.seen = None
 
     def note_own(self, data: bytes) -> None:
         """Notes a message that this node is about to publish on ``/tf``: rclpy does not tell who sent a message."""
@@ -113,51 +168,3 @@ class TransformInput:
         words = f"transforms of {start.name!r} on /tf have no stamp, and hold when they arrive"
         session.node.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)
         return session.clock_now()
-
-
-# Takes the name of what follows a frame, the frame's pose, its stamp [s], None = static, and whether stamps start over.
-Follow = Callable[[str, Transform, float | None, bool], None]
-
-
-class FollowedFrames:
-    """Calls ``follow`` with each new pose of ``frames`` (by the names of what follows them) in the terrain's frame, and
-    with that of a static frame again and again. ``source``: of what is refused."""
-
-    def __init__(
-        self, session: Session, transforms: TransformInput, source: str, frames: Mapping[str, str], follow: Follow
-    ) -> None:
-        self._session, self._buffer, self._source = session, transforms.buffer, source
-        self._frames, self._follow = frames, follow
-        self._seen: dict[str, tuple[Transform, float]] = {}  # the last pose and stamp of each
-        self._version, self._due = -1, 0.0  # of the buffer at the last look-up; when the next is due [s]
-        if frames:
-            transforms.listen(source)
-
-    def refresh(self) -> None:
-        """Look each frame up, if a transform arrived or a `PERIOD` has passed; failures count once a `PERIOD`."""
-        session = self._session
-        if not self._frames or not session.frame_id:
-            return
-        now = session.clock.pace()
-        overdue = now >= self._due
-        if self._buffer.version == self._version and not overdue:
-            return
-        self._version = self._buffer.version
-        self._due = now + PERIOD if overdue else self._due
-        for name, frame in self._frames.items():
-            try:
-                pose, stamp = self._buffer.lookup(session.frame_id, frame)
-                seen = self._seen.get(name)
-                if stamp is None:
-                    self._follow(name, pose, None, False)
-                elif (pose, stamp) != seen:
-                    self._follow(name, pose, stamp, seen is not None and stamp < seen[1])
-                    self._seen[name] = pose, stamp
-            except InputError as error:
-                if overdue:
-                    session.refusals.add(self._source, error)
-
-    def forget(self) -> None:
-        """Look up at once, and accept any stamps, after a reset."""
-        self._due = 0.0
-        self._seen.clear()
