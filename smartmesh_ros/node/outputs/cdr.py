@@ -186,7 +186,8 @@ class ArrayMessage:
             values = {path: value[chosen] if np.ndim(value) else value for path, value in fields.items()}
             for path, column in encoded.items():
                 values[path] = np.frombuffer(b"".join([column[row] for row in rows]), np.uint8).reshape(len(rows), -1)
-            self.add((size, shapes), partial(template, *(column[rows[0]] for column in texts.values())), len(rows), values)
+            make = partial(template, *(column[rows[0]] for column in texts.values()))
+            self.add((size, shapes), make, len(rows), values)
 
     def finish(self) -> bytes:
         self._buffer[: self._start][-4:] = np.array([self._count], "<u4").view(np.uint8)  # the sequence's length

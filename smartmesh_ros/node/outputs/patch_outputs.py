@@ -117,11 +117,9 @@ class ColliderPatches:
         bodies = [names[slot] for slot in patches.slots.tolist()]
         before, self._shown = self._shown, set(bodies)
         gone = sorted(before - self._shown) if only_changed else []
-        self._message.start(
-            None if gone else (header.frame_id, only_changed),
-            lambda: ColliderPatchArray(header=header, incremental=only_changed, removed=gone),
-            stamp_fields(header),
-        )
+        start = {**stamp_fields(header), "incremental": only_changed}
+        empty = partial(ColliderPatchArray, header=header, removed=gone)
+        self._message.start(None if gone else header.frame_id, empty, start)
         changed = self._sent.changed(patches.slots, patches.revisions)
         chosen = np.flatnonzero(changed) if only_changed else np.arange(len(patches))
         sizes = np.column_stack([patches.counts, patches.triangle_counts])
