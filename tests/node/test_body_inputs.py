@@ -286,6 +286,10 @@ def test_a_tracked_robot_follows_its_root_and_its_joints(tmp_path: Path) -> None
         np.testing.assert_allclose(hand.linear, (0.3, 0.0, 0.0) + 2.5 * np.array([-out[1], out[0], 0.0]), atol=1e-4)
         bad = [("length", JointState(name=["yaw"])), ("non_finite", JointState(name=["yaw"], position=[math.nan]))]
         node.require_refused("tracked_joint_states", bad)
+        node.give("tracked_joint_states", JointState(name=["yaw"], position=[0.5], velocity=[1e6]))
+        message.pose.pose.position.x = 2.0
+        node.require_refused("/rig", [("velocity", stamped(node, message))])
+        assert node.world.state("rig.base").position[0] < 1.5, "no part moves without the others"
 
 
 def test_bodies_and_robots_of_a_message_find_room_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from functools import partial
+from itertools import chain
 
 from geometry_msgs.msg import PoseArray, PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
@@ -104,7 +105,6 @@ class BodyInputs:
             for body in bodies:
                 session.require_not_simulated(body.name)
                 require_name(body.name)
-                require_possible(body.name, body.state)
                 require_between(f"radius of {body.name!r}", self._radius(body), SIZES, "m")
             self._set(topic, bodies, placed.time)
 
@@ -123,7 +123,9 @@ class BodyInputs:
         """Set the states of bodies, and of all parts of robots, at ``time`` [s] of the loop's clock; count and log
         jumps of their poses."""
         session, parts = self._session, [self._parts(body) for body in bodies]
-        session.require_room(part.name for own in parts for part in own)
+        session.require_room(part.name for part in chain.from_iterable(parts))
+        for part in chain.from_iterable(parts):
+            require_possible(part.name, part.state)
         for body, own in zip(bodies, parts, strict=True):
             jumps = [session.tracking.update(*part, time, session.clock.pace(), stated=body.stated) for part in own]
             if jump := next(filter(None, jumps), ""):
