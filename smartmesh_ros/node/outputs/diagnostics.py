@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.qos import QoSProfile
 
 from smartmesh_ros.errors import listed
-from smartmesh_ros.node.endpoints import incompatible_peers, publishers_of, unheard_latched
+from smartmesh_ros.node.endpoints import incompatible_peers, unheard_latched
 from smartmesh_ros.node.fleet.peers import PeerBodies
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing, ClockWatch
 from smartmesh_ros.node.outputs.rates import Rhythm
@@ -70,7 +70,7 @@ class Diagnostics:
         self._clock_watch, self._namesakes = ClockWatch(session), 0
         self._window, self._clock_window = PaceWindow(session), PaceWindow(session, session.clock.pace)
         self._rhythm, self._look = Rhythm(session.clock.steady()), Rhythm()
-        self._connections: dict[str, int] = {}
+        self._connections: dict[str, int] = {}  # numbers of connected publishers by topic
         self._refused_before = 0
         self._waiting_since, self._told = self._session.clock.steady(), False
 
@@ -105,7 +105,8 @@ class Diagnostics:
             )
 
     def _connections_changed(self) -> bool:
-        before, self._connections = self._connections, publishers_of(self._session.subscriptions)
+        before = self._connections
+        self._connections = {end.topic_name: end.get_publisher_count() for end in self._session.subscriptions}
         return self._connections != before
 
     def _terrain(self) -> tuple[bytes, str, dict[str, Any]]:
@@ -201,8 +202,7 @@ class Diagnostics:
     def _ends(self) -> tuple[bytes, str, dict[str, Any]]:
         session, rivals = self._session, self._clock.rivals
         incompatible = incompatible_peers(session.node, session.subscriptions, session.publishers, session.names)
-        publishers = publishers_of(session.subscriptions)
-        values: dict[str, Any] = {f"publishers of {topic}": count for topic, count in publishers.items()}
+        values: dict[str, Any] = {f"publishers of {topic}": count for topic, count in self._connections.items()}
         values |= {f"without stamp on {topic}": count for topic, count in sorted(session.unstamped.items())}
         sources = chain.from_iterable(clocks.items() for clocks in session.source_clocks)
         ages = islice(((source, clock.age) for source, clock in sources if clock.age is not None), MOST_AGES)
