@@ -171,11 +171,11 @@ class ArrayMessage:
         fields: Mapping[str, Any],
         *,
         ordered: bool = False,
+        key: Hashable = None,
     ) -> None:
         """Add an element for each row of the columns ``texts``, in groups of rows whose texts are of equal lengths;
-        in the order of the rows if ``ordered``. ``template``: returns an element with the texts of a row, and with
-        sequences as long as those of ``fields``."""
-        shapes = tuple(np.shape(value)[1:] for value in fields.values())
+        in the order of the rows if ``ordered``. ``template``: returns an element with the texts of a row; another one
+        for each ``key``."""
         encoded = {path: [text.encode() + b"\0" for text in column] for path, column in texts.items()}
         lengths = [*zip(*(map(len, column) for column in encoded.values()), strict=True)]
         order = range(len(lengths)) if ordered else sorted(range(len(lengths)), key=lengths.__getitem__)
@@ -187,7 +187,7 @@ class ArrayMessage:
             for path, column in encoded.items():
                 values[path] = np.frombuffer(b"".join([column[row] for row in rows]), np.uint8).reshape(len(rows), -1)
             make = partial(template, *(column[rows[0]] for column in texts.values()))
-            self.add((size, shapes), make, len(rows), values)
+            self.add((key, size), make, len(rows), values)
 
     def finish(self) -> bytes:
         self._buffer[: self._start][-4:] = np.array([self._count], "<u4").view(np.uint8)  # the sequence's length

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from functools import partial
 
 import numpy as np
@@ -124,8 +125,11 @@ class ColliderPatches:
         chosen = np.flatnonzero(changed) if only_changed else np.arange(len(patches))
         sizes = np.column_stack([patches.counts, patches.triangle_counts])
         starts = np.cumsum(sizes, axis=0) - sizes
-        for points, triangles in np.unique(sizes[chosen], axis=0).tolist():
-            members = chosen[(sizes[chosen] == (points, triangles)).all(axis=1)]
+        groups: dict[tuple[int, int], list[int]] = defaultdict(list)
+        for index, (points, triangles) in zip(chosen.tolist(), sizes[chosen].tolist(), strict=True):
+            groups[points, triangles].append(index)
+        for size, members in groups.items():
+            points, triangles = size
             first = starts[members, :, None]
             fields = {
                 "kind": np.where(patches.is_mesh[members], ColliderPatch.TRIMESH, ColliderPatch.HEIGHTFIELD),
@@ -137,7 +141,7 @@ class ColliderPatches:
                 **dict(zip(_TWIST_FIELDS, patches.motion[members].T, strict=True)),
             }  # fmt: skip
             texts = {name: [of[k] for k in members] for name, of in (("body_id", bodies), ("tile", patches.tiles))}
-            self._message.add_named(partial(_collider_patch, points, triangles), texts, fields)
+            self._message.add_named(partial(_collider_patch, points, triangles), texts, fields, key=size)
         return self._message.finish()
 
 
