@@ -13,6 +13,7 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.ground.transform import Transform, fixed_to
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.body_inputs import BEST_EFFORT
+from smartmesh_ros.node.inputs.cdr_reader import Stamped
 from smartmesh_ros.node.inputs.source_clocks import SourceClocks
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.session import Session
@@ -61,14 +62,15 @@ class DeckInputs:
             if entry.source == "body":
                 world.carry(name, Carrier(entry.name, entry.link, entry.at, entry.orientation))
 
-    def target(self, tile: str, frame_id: str) -> Target:
+    def target(self, start: Stamped) -> Target:
         """Return where a terrain message belongs: to the deck that its tile names, alone or before a slash, or whose
         frame it is in; else to the terrain."""
+        tile = start.name
         name, _, inner = tile.partition("/")
         for deck, entry in self._entries.items():
             if deck == name:
                 return Target(self.decks[deck], inner, tile, entry.frame)
-            if frame_id and frame_id == entry.frame:
+            if start.frame_id and start.frame_id == entry.frame:
                 return Target(self.decks[deck], tile, name_of_tile(deck, tile), entry.frame)
         return Target(self._session.world.terrain, tile, tile)
 

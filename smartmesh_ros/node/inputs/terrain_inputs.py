@@ -94,7 +94,7 @@ class TerrainInputs:
 
     def _take_map(self, topic: str, start: Stamped, convert: Callable[[], Raster | None]) -> None:
         """Checks a whole map and puts it into the terrain, or a deck of it; None removes the tile."""
-        session, clock = self._session, self._clocks.of(_source(self._target(start)))
+        session, clock = self._session, self._clocks.of(_source(self._decks.target(start)))
         # A newer map arrived just before this one.
         late = clock.is_overtaken(stamp_seconds(start), session.clock_now(), session.settings.motion.max_interval)
         session.overtaken[topic] += late
@@ -161,14 +161,11 @@ class TerrainInputs:
             time = max(placed.time, mesh.time)
             mesh.move(new.vertices, time=time, indices=new.indices, velocities=new.velocities)
 
-    def _target(self, start: Stamped) -> Target:
-        return self._decks.target(start.name, start.frame_id)
-
     @contextmanager
     def _ingesting(self, start: Stamped, *, update: bool = False) -> Iterator[tuple[Target, Placed]]:
         """Checks the fields common to all terrain messages, and yields where they belong and the stamp in simulated
         time; records the message as accepted unless the block raises `InputError`."""
-        session, target = self._session, self._target(start)
+        session, target = self._session, self._decks.target(start)
         tiles, longest = target.tiles.tiles, session.settings.motion.max_interval
         with session.world.stopwatch.stage("ingest"):
             self._require_place(target, start, update=update)
@@ -196,8 +193,6 @@ class TerrainInputs:
         there is a map."""
         if update and not target.tiles.tiles:
             raise InputError("no_map", "an update came before any map; publish the whole map first")
-        if update:
-            target.tiles.tile(target.tile)
         if not target.frame:
             self._session.require_frame(start.frame_id)
         elif start.frame_id not in ("", target.frame):
