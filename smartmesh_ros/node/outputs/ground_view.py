@@ -40,10 +40,11 @@ def window_around(positions_w: FloatArray, terrain: Terrain) -> Window | None:
     middle, half = 0.5 * (lowest + highest), 0.5 * ALONE
     low, high = middle - half, middle + half
     if len(positions_w):
-        middle = np.median(positions_w[:, :2], axis=0)
-        near = np.clip(positions_w[:, :2] - middle, -0.5 * WIDEST, 0.5 * WIDEST)
-        kept = near[(near == positions_w[:, :2] - middle).all(axis=1)] if len(near) > 1 else near
-        low, high = middle + kept.min(axis=0) - MARGIN, middle + kept.max(axis=0) + MARGIN
+        xy_w = positions_w[:, :2]
+        away = np.abs(xy_w - np.median(xy_w, axis=0)).max(axis=1)
+        near = away <= 0.5 * WIDEST
+        near[(away <= away.min() + MARGIN).argmax()] = True  # of bodies that are all far away the first
+        low, high = xy_w[near].min(axis=0) - MARGIN, xy_w[near].max(axis=0) + MARGIN
     low, high = np.clip(low, lowest, highest), np.clip(high, lowest, highest)
     side = max(float((high - low).max()), 2.0 * MARGIN)
     maps = [tile.geometry for tile in terrain.tiles.values() if isinstance(tile, HeightMap)]
