@@ -103,10 +103,11 @@ class SceneMarkers:
                 self._ids[name], self._next_id = self._next_id, self._next_id + PER_BODY
         if len(self._ids) > 2 * len(names) + 100:
             self._ids = {name: self._ids[name] for name in names}
-        shown = np.array([name != first for name in names], np.bool_)
-        ids = np.array([self._ids[name] for name in names], np.int64)[shown]
         columns = zip(*((one.kinds, one.dimensions, one.centres, one.numbers[:, :7]) for one in tables), strict=True)
-        kinds, dimensions, centres, poses = (np.concatenate(column)[shown] for column in columns)
+        kinds, dimensions, centres, poses = map(np.concatenate, columns)
+        shown = np.array([name != first for name in names], np.bool_) & np.isfinite(poses).all(axis=1)
+        kinds, dimensions, centres, poses = (column[shown] for column in (kinds, dimensions, centres, poses))
+        ids = np.array([self._ids[name] for name in names], np.int64)[shown]
         poses[:, :3] += rotated(poses[:, 3:], centres)
         colours, capsule = COLOURS[kinds], kinds == CAPSULE
         colours[np.repeat((False, True), [len(table.names) for table in tables])[shown]] = TRACKED
