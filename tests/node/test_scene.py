@@ -16,14 +16,14 @@ from smartmesh_msgs.msg import TrackedBody
 from smartmesh_msgs.srv import RemoveBodies
 from visualization_msgs.msg import Marker, MarkerArray
 
-from smartmesh_ros import HeightMap, Terrain
+from smartmesh_ros import BodyState, HeightMap, Terrain
 from smartmesh_ros.node.outputs.ground_view import CELLS, LOWER, ground_points, window_around
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.tools.testing import Probe, Process, points_of
 from tests.bodies import rotation
 from tests.ground.test_shown_patches import balls_on
 from tests.node.shared import on_level, show_map, spawn
-from tests.urdfs import HUSKY, ROVER
+from tests.urdfs import HUSKY, ROVER, link, robot
 
 RESOLUTION, LOW = 0.25, -10.0
 # Level in the south, where the robots stand: their wheels are free.
@@ -121,22 +121,28 @@ def test_rviz_shows_the_ground_and_the_bodies_and_forgets_them(shared: Probe) ->
     shared.wait_for(lambda: display.without_ground > 15)  # it is at rest, and nobody is new any more
 
 
-def test_a_robot_model_has_the_frames_and_the_files_of_the_robot() -> None:
+def test_a_robot_model_has_the_frames_and_the_files_of_the_robot(tmp_path: Path) -> None:
+    """It is empty for a robot whose file is no URDF any more, and without a robot."""
+    edited = tmp_path / "edited.urdf"
+    edited.write_text(robot(link("base")))
     spawned = f"{{id: husky, urdf: {HUSKY}, xy: [2, 2]}}"
     parameters = {"bodies.spawn": [spawned], "publish.tf": 50.0, "publish.robot_prefix": True}
     with on_level(parameters, keep=["robot_model", "/tf"]) as run:
         run.run(2.0)
-        robot = ElementTree.fromstring(run.received("robot_model")[-1].data)
-        links = {str(link.get("name")) for link in robot.findall("link")}
-        assert all(link.startswith("husky/") for link in links)
-        assert {end.get("link") for end in (*robot.iter("parent"), *robot.iter("child"))} - {None} <= links
+        husky = ElementTree.fromstring(run.received("robot_model")[-1].data)
+        links = {str(found.get("name")) for found in husky.findall("link")}
+        assert all(name.startswith("husky/") for name in links)
+        assert {end.get("link") for end in (*husky.iter("parent"), *husky.iter("child"))} - {None} <= links
         assert links <= {transform.child_frame_id for transform in run.received("/tf")[-1].transforms}
-        meshes = [str(mesh.get("filename")) for mesh in robot.iter("mesh")]
+        meshes = [str(mesh.get("filename")) for mesh in husky.iter("mesh")]
         assert meshes and all(mesh.startswith("file:///") and Path(mesh[7:]).is_file() for mesh in meshes)
-        assert sum(link.find("visual") is not None for link in robot.findall("link")) >= 5
-        assert run.call("remove_bodies", RemoveBodies.Request(ids=["husky"])).success
-        run.run(2.5)
-        assert run.received("robot_model")[-1].data == ""
+        assert sum(found.find("visual") is not None for found in husky.findall("link")) >= 5
+        run.world.spawn_robot("edited", edited, BodyState((5.0, 5.0, 0.5)))
+        edited.write_text("<robot")
+        for name, until in (("husky", 2.5), ("edited", 3.0)):
+            assert run.call("remove_bodies", RemoveBodies.Request(ids=[name])).success
+            run.run(until)
+            assert run.received("robot_model")[-1].data == ""
 
 
 NOWHERE = np.empty((0, 3))

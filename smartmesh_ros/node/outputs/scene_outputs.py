@@ -25,7 +25,7 @@ from smartmesh_ros.node.outputs.rates import Rhythm
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.world.bodies import Body
-from smartmesh_ros.world.robots.description import is_text, named_file, urdf_text
+from smartmesh_ros.world.robots.description import is_text, named_file, urdf_text, xml_of
 from smartmesh_ros.world.states import SimulatedStates, body_table
 from smartmesh_ros.world.world import World
 
@@ -163,10 +163,10 @@ def robot_model(shown: tuple[Body | None, str]) -> String:
 
 def shown_urdf(urdf: str, prefix: str) -> str:
     """Return a URDF text or file for a display: links have the ``prefix`` of their frames, files of meshes are named by
-    ``file://``, and links without visuals show what they collide with. Empty if the file is gone."""
+    ``file://``, and links without visuals show what they collide with. Empty if the file is gone, or no URDF."""
     try:
-        robot = ElementTree.fromstring(urdf_text(urdf))
-    except InputError:  # the file may have been deleted since the robot was loaded
+        robot = xml_of(urdf_text(urdf))
+    except InputError:  # the file may have been deleted or changed since the robot was loaded
         return ""
     folder = None if is_text(urdf) else Path(urdf).absolute().parent
     for link in robot.findall("link"):
