@@ -26,7 +26,8 @@ from tests.node.shared import BALL, Fed, fed
 from tests.node.test_robot_outputs import ARM
 from tests.urdfs import robot
 
-PARAMETERS = {"frame_id": "map", "publish.incremental": True, "publish.tf": 50.0}
+MAPS = [f"{{body: {name}, size: [1, 1], spacing: 0.1}}" for name in ("lost", "arm")]
+PARAMETERS = {"frame_id": "map", "publish.incremental": True, "publish.tf": 50.0, "ground_maps": MAPS}
 # Calls to DDS.
 FAILING = {
     Publisher: ["publish", "get_subscription_count"],
@@ -95,7 +96,7 @@ def test_an_output_that_fails_stops_no_other(wire: Wire, node: Fed) -> None:
     node.node.pacer.pause(True)
     publish_all(node)
     everything = wire.topics()
-    assert len(everything) == 13, everything
+    assert len(everything) == 14, everything
     for number in wire.faults.runs():
         before = failures(node)
         with wire.faults.failing(number):
@@ -104,7 +105,7 @@ def test_an_output_that_fails_stops_no_other(wire: Wire, node: Fed) -> None:
         assert new.total() == (wire.faults.fired != "")
         assert len(missing) <= new.total(), wire.faults.fired
         if missing:
-            assert list(new) == [f"{missing.pop().rpartition('/')[2]}: dds"]
+            assert list(new) == [f"{missing.pop().removeprefix('/terrain_collider').split('/')[1]}: dds"]
     publish_all(node)
     assert wire.topics() == everything
 
@@ -134,9 +135,11 @@ def test_a_body_that_a_step_leaves_nowhere_ends_no_node(wire: Wire, node: Fed) -
     publish_all(node)
     scenes = [deserialize_message(data, MarkerArray) for topic, data in wire.sent if topic.endswith("/scene")]
     assert np.isfinite([marker.pose.position.x for scene in scenes for marker in scene.markers]).all()
-    assert everything - wire.topics() == {"/tf"} and node.node.refusals.counts == {"tf: non_finite": 1}
+    its_map = "/terrain_collider/ground_map/lost"
+    assert everything - wire.topics() == {"/tf", its_map}
+    assert node.node.refusals.counts == {"tf: non_finite": 1, "ground_map: non_finite": 1}
     publish_all(node)
-    assert wire.topics() == everything and "lost" not in node.world.bodies
+    assert wire.topics() == everything - {its_map} and "lost" not in node.world.bodies
 
 
 def test_changes_that_were_not_sent_are_sent_again(wire: Wire, node: Fed) -> None:
