@@ -117,8 +117,3 @@ def unheard_latched(node: Transport, subscriptions: Iterable[Any]) -> str:
             parameter = f"qos_overrides.{topic}.subscription.durability"
             return f"{topic} has a latched publisher; if that sent its map before, set {parameter} to transient_local"
     return ""
-
-
-def publishers_of(subscriptions: Iterable[Any]) -> dict[str, int]:
-    """Return the number of connected publishers by topic."""
-    return {endpoint.topic_name: endpoint.get_publisher_count() for endpoint in subscriptions}

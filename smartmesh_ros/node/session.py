@@ -40,8 +40,8 @@ OUTPUTS = QoSProfile(depth=10)
 MOST_LOST = 16
 # Errors that end a message or call, and leave the world as it was.
 REFUSED = (InputError, pb.error)
-# Errors of a step or an output that the node outlives.
-FAILED = (pb.error, rclpy_implementation.RCLError)
+# Errors of a step or an output that the node outlives, as of a body that the step left nowhere.
+FAILED = (*REFUSED, rclpy_implementation.RCLError)
 
 
 def require_name(name: str) -> None:
@@ -145,7 +145,7 @@ class Session:
 
     @contextmanager
     def enduring(self, part: str) -> Iterator[None]:
-        """Counts and logs a failure of PyBullet or DDS in the block, and goes on after it."""
+        """Counts and logs a failure in the block, also of PyBullet or DDS, and goes on after it."""
         try:
             yield
         except FAILED as error:

@@ -62,7 +62,7 @@ class Collider:
         self.initial = InitialBodies(session)
         self.robot = RobotDescription(session, self.initial)
         self._peers = PeerBodies(session)
-        transforms = TransformInput(session)
+        self._transforms = transforms = TransformInput(session)
         self._outputs = Publishing(session, self._peers, transforms)
         self._decks = DeckInputs(session, transforms)
         self._terrain = TerrainInputs(session, self._decks, self._on_terrain)
@@ -89,7 +89,7 @@ class Collider:
         with session.lock:
             with session.enduring("inputs"):
                 stall = session.stall()
-                self._bodies.refresh()
+                self._transforms.refresh()
                 self._decks.refresh()
                 self._peers.refresh(stall)
                 self._bodies.expire(stall)
@@ -206,9 +206,10 @@ class Collider:
         session = self.session
         with session.lock:
             self._terrain.forget_stamps()
-            self._bodies.forget_stamps()
-            self._decks.forget_stamps()
+            self._transforms.forget_stamps()
             self._peers.forget_stamps()
+            for clocks in session.source_clocks:
+                clocks.clear()
             session.tracking.restart(session.clock.pace())
             self.pacer.restart()
 

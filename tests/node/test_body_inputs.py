@@ -16,6 +16,7 @@ from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros import Box, Cylinder, Sphere, World
 from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.node import session
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.timing.pacing import NodeClock
@@ -285,3 +286,21 @@ def test_a_tracked_robot_follows_its_root_and_its_joints(tmp_path: Path) -> None
         np.testing.assert_allclose(hand.linear, (0.3, 0.0, 0.0) + 2.5 * np.array([-out[1], out[0], 0.0]), atol=1e-4)
         bad = [("length", JointState(name=["yaw"])), ("non_finite", JointState(name=["yaw"], position=[math.nan]))]
         node.require_refused("tracked_joint_states", bad)
+        node.give("tracked_joint_states", JointState(name=["yaw"], position=[0.5], velocity=[1e6]))
+        message.pose.pose.position.x = 2.0
+        node.require_refused("/rig", [("velocity", stamped(node, message))])
+        assert node.world.state("rig.base").position[0] < 1.5, "no part moves without the others"
+
+
+def test_bodies_and_robots_of_a_message_find_room_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """None of them is there if there is no room for all; parts that are there need no more of it."""
+    monkeypatch.setattr(session, "MOST_BODIES", 3)
+    file = tmp_path / "arm.urdf"
+    file.write_text(TRACKED_ARM)
+    with fed({"bodies.shapes": [f"{{body: rig, urdf: {file}}}"], "frame_id": "map"}) as node:
+        both = TrackedBodyArray(bodies=[TrackedBody(id="stone"), TrackedBody(id="rig")])
+        node.require_refused("tracked_bodies", [("size", stamped(node, both))])
+        assert not node.world.bodies
+        for _ in range(2):
+            node.give("tracked_bodies", stamped(node, TrackedBodyArray(bodies=both.bodies[1:])))
+        assert len(node.world.bodies) == 3 and node.node.refusals.counts.total() == 1

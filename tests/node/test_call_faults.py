@@ -1,5 +1,6 @@
 """The k-th call to DDS or PyBullet fails in a node, for k = 1, 2, ...: it is counted, and the node goes on."""
 
+import math
 from collections import Counter
 from collections.abc import Iterator
 from typing import Any
@@ -14,16 +15,19 @@ from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from smartmesh_msgs.msg import BodySpecification, ColliderPatchArray
 from smartmesh_msgs.srv import RemoveBodies, SpawnBodies
+from visualization_msgs.msg import MarkerArray
 
-from smartmesh_ros import BodyState, Box
+from smartmesh_ros import BodyState, Box, Sphere, World
 from smartmesh_ros.node.outputs import rates, transform_outputs
+from smartmesh_ros.node.outputs.rates import Rhythm
 from tests.faults import Faults, bullet_faults
 from tests.grounds import level
 from tests.node.shared import BALL, Fed, fed
 from tests.node.test_robot_outputs import ARM
 from tests.urdfs import robot
 
-PARAMETERS = {"frame_id": "map", "publish.incremental": True, "publish.tf": 50.0}
+MAPS = [f"{{body: {name}, size: [1, 1], spacing: 0.1}}" for name in ("lost", "arm")]
+PARAMETERS = {"frame_id": "map", "publish.incremental": True, "publish.tf": 50.0, "ground_maps": MAPS}
 # Calls to DDS.
 FAILING = {
     Publisher: ["publish", "get_subscription_count"],
@@ -82,7 +86,8 @@ def failures(node: Fed) -> Counter[str]:
 def publish_all(node: Fed) -> None:
     """Runs a step and publishes every output, due or not."""
     outputs = node.node._outputs
-    outputs._diagnostics._due = outputs._descriptions._due = outputs._robot_model._due = 0.0
+    for output in (outputs._diagnostics, outputs._descriptions, outputs._robot_model):
+        output._rhythm = Rhythm()
     outputs._descriptions._sent = outputs._robot_model._sent = None
     node.step(1)
 
@@ -91,7 +96,7 @@ def test_an_output_that_fails_stops_no_other(wire: Wire, node: Fed) -> None:
     node.node.pacer.pause(True)
     publish_all(node)
     everything = wire.topics()
-    assert len(everything) == 13, everything
+    assert len(everything) == 14, everything
     for number in wire.faults.runs():
         before = failures(node)
         with wire.faults.failing(number):
@@ -100,9 +105,41 @@ def test_an_output_that_fails_stops_no_other(wire: Wire, node: Fed) -> None:
         assert new.total() == (wire.faults.fired != "")
         assert len(missing) <= new.total(), wire.faults.fired
         if missing:
-            assert list(new) == [f"{missing.pop().rpartition('/')[2]}: dds"]
+            assert list(new) == [f"{missing.pop().removeprefix('/terrain_collider').split('/')[1]}: dds"]
     publish_all(node)
     assert wire.topics() == everything
+
+
+class Spoiler:
+    """Leaves a body of a world nowhere after one step."""
+
+    def __init__(self, world: World, name: str) -> None:
+        self._world, self._uid = world, world.body(name).uid
+        world.watchers.append(self)
+
+    def before_step(self) -> None:
+        """Nothing is done before it."""
+
+    def after_step(self) -> None:
+        self._world.client.resetBasePositionAndOrientation(self._uid, (math.nan, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
+        self._world.watchers.remove(self)
+
+
+def test_a_body_that_a_step_leaves_nowhere_ends_no_node(wire: Wire, node: Fed) -> None:
+    """It is removed in the next step; until then some outputs fail, but markers are of the other bodies."""
+    node.node.pacer.pause(True)
+    node.world.spawn("lost", Sphere(0.2), 1.0, BodyState((2.0, 0.0, 0.5)))
+    publish_all(node)
+    everything = wire.topics()
+    Spoiler(node.world, "lost")
+    publish_all(node)
+    scenes = [deserialize_message(data, MarkerArray) for topic, data in wire.sent if topic.endswith("/scene")]
+    assert np.isfinite([marker.pose.position.x for scene in scenes for marker in scene.markers]).all()
+    its_map = "/terrain_collider/ground_map/lost"
+    assert everything - wire.topics() == {"/tf", its_map}
+    assert node.node.refusals.counts == {"tf: non_finite": 1, "ground_map: non_finite": 1}
+    publish_all(node)
+    assert wire.topics() == everything - {its_map} and "lost" not in node.world.bodies
 
 
 def test_changes_that_were_not_sent_are_sent_again(wire: Wire, node: Fed) -> None:
@@ -128,10 +165,10 @@ def test_changes_that_were_not_sent_are_sent_again(wire: Wire, node: Fed) -> Non
         assert all_again or not (lost and wire.faults.fired == "publish")
     descriptions = node.node._outputs._descriptions
     for number in wire.faults.runs():
-        descriptions._due, descriptions._sent = 0.0, None
+        descriptions._rhythm, descriptions._sent = Rhythm(), None
         with wire.faults.failing(number), node.node.session.enduring("body_descriptions"):
             descriptions.publish()
-        descriptions._due = 0.0
+        descriptions._rhythm = Rhythm()
         descriptions.publish()
         assert wire.topics() == {"/terrain_collider/body_descriptions"}
 

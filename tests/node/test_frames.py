@@ -168,7 +168,7 @@ def test_transforms_are_read_from_bytes_as_they_were_written(items: list[tuple[i
     data = serialize_message(message)
     read = list(transforms_from(data))
     assert read == [
-        ((item.header.stamp.sec, 0), item.header.frame_id, item.child_frame_id, transform)
+        ((item.header.stamp.sec, 0, item.header.frame_id.strip("/"), item.child_frame_id), transform)
         for item, (*_, transform) in zip(message.transforms, items, strict=True)
     ]
 

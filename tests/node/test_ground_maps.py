@@ -102,7 +102,7 @@ def test_what_keeps_a_mapper_from_a_score_is_told_and_scores_are_written(tmp_pat
         give("map", 1)
         assert "a map is 4 s older than the oldest true map" in words()
         give("map", 5, layers={"height": LEVEL})
-        assert "there is no layer 'elevation'; raster.layer may be one of height" in words()
+        assert "there is no layer 'elevation'; layer may be one of height" in words()
         take["map"](b"no map")
         assert "b'" not in words()
         give("map", 6, frame_id="/map")

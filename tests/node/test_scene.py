@@ -16,14 +16,14 @@ from smartmesh_msgs.msg import TrackedBody
 from smartmesh_msgs.srv import RemoveBodies
 from visualization_msgs.msg import Marker, MarkerArray
 
-from smartmesh_ros import HeightMap, Terrain
-from smartmesh_ros.node.outputs.ground_view import GroundView, ground_points, window_around
+from smartmesh_ros import BodyState, HeightMap, Terrain
+from smartmesh_ros.node.outputs.ground_view import CELLS, LOWER, ground_points, window_around
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.tools.testing import Probe, Process, points_of
 from tests.bodies import rotation
 from tests.ground.test_shown_patches import balls_on
 from tests.node.shared import on_level, show_map, spawn
-from tests.urdfs import HUSKY, ROVER
+from tests.urdfs import HUSKY, ROVER, link, robot
 
 RESOLUTION, LOW = 0.25, -10.0
 # Level in the south, where the robots stand: their wheels are free.
@@ -121,25 +121,31 @@ def test_rviz_shows_the_ground_and_the_bodies_and_forgets_them(shared: Probe) ->
     shared.wait_for(lambda: display.without_ground > 15)  # it is at rest, and nobody is new any more
 
 
-def test_a_robot_model_has_the_frames_and_the_files_of_the_robot() -> None:
+def test_a_robot_model_has_the_frames_and_the_files_of_the_robot(tmp_path: Path) -> None:
+    """It is empty for a robot whose file is no URDF any more, and without a robot."""
+    edited = tmp_path / "edited.urdf"
+    edited.write_text(robot(link("base")))
     spawned = f"{{id: husky, urdf: {HUSKY}, xy: [2, 2]}}"
     parameters = {"bodies.spawn": [spawned], "publish.tf": 50.0, "publish.robot_prefix": True}
     with on_level(parameters, keep=["robot_model", "/tf"]) as run:
         run.run(2.0)
-        robot = ElementTree.fromstring(run.received("robot_model")[-1].data)
-        links = {str(link.get("name")) for link in robot.findall("link")}
-        assert all(link.startswith("husky/") for link in links)
-        assert {end.get("link") for end in (*robot.iter("parent"), *robot.iter("child"))} - {None} <= links
+        husky = ElementTree.fromstring(run.received("robot_model")[-1].data)
+        links = {str(found.get("name")) for found in husky.findall("link")}
+        assert all(name.startswith("husky/") for name in links)
+        assert {end.get("link") for end in (*husky.iter("parent"), *husky.iter("child"))} - {None} <= links
         assert links <= {transform.child_frame_id for transform in run.received("/tf")[-1].transforms}
-        meshes = [str(mesh.get("filename")) for mesh in robot.iter("mesh")]
+        meshes = [str(mesh.get("filename")) for mesh in husky.iter("mesh")]
         assert meshes and all(mesh.startswith("file:///") and Path(mesh[7:]).is_file() for mesh in meshes)
-        assert sum(link.find("visual") is not None for link in robot.findall("link")) >= 5
-        assert run.call("remove_bodies", RemoveBodies.Request(ids=["husky"])).success
-        run.run(2.5)
-        assert run.received("robot_model")[-1].data == ""
+        assert sum(found.find("visual") is not None for found in husky.findall("link")) >= 5
+        run.world.spawn_robot("edited", edited, BodyState((5.0, 5.0, 0.5)))
+        edited.write_text("<robot")
+        for name, until in (("husky", 2.5), ("edited", 3.0)):
+            assert run.call("remove_bodies", RemoveBodies.Request(ids=[name])).success
+            run.run(until)
+            assert run.received("robot_model")[-1].data == ""
 
 
-VIEW = GroundView()
+NOWHERE = np.empty((0, 3))
 
 
 @pytest.mark.parametrize(
@@ -150,6 +156,7 @@ VIEW = GroundView()
         ([(0.0, 0.0), (8.0, 2.0)], (-3.0, -3.0), (10.0, 5.0)),
         ([(0.0, 0.0), (0.5, 0.0), (1.0, 0.0), (9e5, 0.0)], (-3.0, -3.0), (4.0, 3.0)),
         ([(500.0, 500.0)], (9.0, 9.0), (10.0, 10.0)),
+        ([(-9.0, 0.0), (99.0, 0.0)], (-10.0, -3.0), (-6.0, 3.0)),
     ],
 )
 @pytest.mark.parametrize("kind", ["map", "turned", "mesh"])
@@ -159,16 +166,16 @@ def test_the_window_covers_the_ground_around_the_bodies(kind: str, positions: An
     if kind == "mesh":
         corners = [(x, y, 0.0) for x in (-10.0, 10.0) for y in (-10.0, 10.0)]
         terrain = Terrain(TriangleMesh(corners, [[0, 2, 3], [0, 3, 1]]))
-    window = window_around(np.array(positions).reshape(-1, 2), terrain, VIEW)
+    window = window_around(np.array(positions).reshape(-1, 2), terrain)
     assert window is not None
-    size = VIEW.cells * window.spacing
+    size = CELLS * window.spacing
     slack = 0.51 * window.spacing
     assert window.x <= low[0] + slack and window.y <= low[1] + slack
     assert window.x + size >= high[0] - slack and window.y + size >= high[1] - slack
     assert size <= 40.0, "no wider than there is ground"
-    corners = ground_points(window, terrain, 0.0, VIEW)
-    assert len(corners) == 6 * VIEW.cells**2
-    np.testing.assert_allclose(corners[:, 2], -VIEW.lower, atol=1e-6)
+    corners = ground_points(window, terrain, 0.0, NOWHERE)
+    assert len(corners) == 6 * CELLS**2
+    np.testing.assert_allclose(corners[:, 2], -LOWER, atol=1e-6)
     area = 0.5 * np.linalg.norm(np.cross(*(corners[k::3] - corners[::3] for k in (1, 2))), axis=1).sum()
     assert 0.0 < area <= 400.0 + 1e-6, "triangles over ground alone"
 
@@ -181,12 +188,12 @@ def test_the_drawn_ground_hides_no_patch(side: int) -> None:
     places = rng.uniform(1.0, 0.1 * side - 1.0, (12, 2))
     bodies = balls_on(terrain, [0.3] * 12)
     points = bodies.at(np.column_stack([places, terrain.at(places, 0.0).heights])).points_w
-    window = window_around(places, terrain, VIEW)
+    window = window_around(places, terrain)
     assert window is not None and (window.spacing > 0.15) == (side > 100)
-    drawn = [ground_points(window, terrain, 0.0, VIEW, *more).reshape(-1, 3, 3) for more in ((), (points,))]
+    drawn = [ground_points(window, terrain, 0.0, known).reshape(-1, 3, 3) for known in (NOWHERE, points)]
     gaps = [points[:, 2] - heights_of(corners, points) for corners in drawn]
     assert (gaps[0].min() < -0.1) == (side > 100)
-    assert gaps[1].min() > VIEW.lower - 1e-6
+    assert gaps[1].min() > LOWER - 1e-6
 
 
 def heights_of(corners: Any, points: Any) -> Any:
@@ -197,18 +204,18 @@ def heights_of(corners: Any, points: Any) -> Any:
 
 
 def test_no_ground_is_drawn_over_holes_and_without_terrain() -> None:
-    assert window_around(np.zeros((1, 2)), Terrain(), VIEW) is None
+    assert window_around(np.zeros((1, 2)), Terrain()) is None
     heights = np.zeros((41, 41))
     heights[10:20, 10:20] = np.nan
     terrain = Terrain(HeightMap(heights, resolution=0.25))
-    window = window_around(np.array([[5.0, 5.0]]), terrain, VIEW)
+    window = window_around(np.array([[5.0, 5.0]]), terrain)
     assert window is not None
-    corners = ground_points(window, terrain, 0.0, VIEW).reshape(-1, 3, 3)
+    corners = ground_points(window, terrain, 0.0, NOWHERE).reshape(-1, 3, 3)
     middles = corners.mean(axis=1)[np.ptp(corners[..., 0], axis=1) > 0.0]
     assert not ((middles[:, :2] > 2.5) & (middles[:, :2] < 4.75)).all(axis=1).any()
     nothing = Terrain(HeightMap(np.full((9, 9), np.nan), resolution=0.25))
-    window = window_around(np.zeros((0, 2)), nothing, VIEW)
-    assert window is not None and np.isfinite(ground_points(window, nothing, 0.0, VIEW)).all()
+    window = window_around(np.zeros((0, 2)), nothing)
+    assert window is not None and np.isfinite(ground_points(window, nothing, 0.0, NOWHERE)).all()
 
 
 INCREMENTAL = {"publish.incremental": True}

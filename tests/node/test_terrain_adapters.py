@@ -15,7 +15,7 @@ from sensor_msgs.msg import Image, PointCloud2, PointField
 
 from smartmesh_ros.tools.testing import heightmap_message, pose_message
 from tests.grid_maps import grid_map_message
-from tests.node.shared import Fed, fed, stamped
+from tests.node.shared import Fed, Logged, fed, stamped
 from tests.node.test_refusals import changed
 
 RESOLUTION = 0.25
@@ -82,7 +82,7 @@ def require_refused(node: Fed, topic: str, make: Callable[[], Any], *cases: tupl
     node.require_refused(topic, [(reason, changed(stamped(node, make()), **fields)) for reason, fields in cases])
 
 
-def test_grid_maps_of_both_orders_scroll_with_their_robot() -> None:
+def test_grid_maps_of_both_orders_scroll_with_their_robot(logged: Logged) -> None:
     with fed({**HOLD, "terrain.input": "grid_map"}) as node:
         x, y = places()
 
@@ -116,6 +116,7 @@ def test_grid_maps_of_both_orders_scroll_with_their_robot() -> None:
             ("frame", {"header__frame_id": "base_link"}),
         )  # fmt: skip
         assert shows(node, there)
+    assert "there is no layer 'elevation'; raster.layer may be one of variance, height" in logged()
 
 
 def test_images_are_placed_by_parameters() -> None:

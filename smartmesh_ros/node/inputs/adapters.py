@@ -34,18 +34,19 @@ def require_length(what: str, actual: int, wanted: int) -> None:
         raise InputError("length", f"{what} has {actual} values; its sizes say {wanted}")
 
 
-def grid_map_raster(message: Any, config: RasterConfig) -> Raster:
+def grid_map_raster(message: Any, config: RasterConfig, group: str = "raster.") -> Raster:
     """Convert a grid_map_msgs/GridMap: the layer ``config.layer`` and, unless empty, ``config.variance_layer``, and
-    those of the material, ``config.layers``.
+    those of the material, ``config.layers``. ``group``: of the parameters that name them.
 
     The map's orientation and z are ignored, as grid_map itself does.
     """
     info = message.info
     layers = list(message.layers)
-    named = [(config.layer, "raster.layer"), (config.variance_layer, "raster.variance_layer")]
-    for name, parameter in (*named, *((name, "raster.material_layers") for name in config.layers.values())):
-        if name not in layers and (name or parameter == "raster.layer"):
-            raise InputError("layer", f"there is no layer {name!r}; {parameter} may be one of {', '.join(layers)}")
+    named = [(config.layer, "layer"), (config.variance_layer, "variance_layer")]
+    for name, parameter in (*named, *((name, "material_layers") for name in config.layers.values())):
+        if name not in layers and (name or parameter == "layer"):
+            known = ", ".join(layers)
+            raise InputError("layer", f"there is no layer {name!r}; {group}{parameter} may be one of {known}")
     require_length("the list of layers' data", len(message.data), len(message.layers))
     along_x = _cells_of(info.length_x, info.resolution)
     along_y = _cells_of(info.length_y, info.resolution)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from functools import partial
+from itertools import chain
 
 from geometry_msgs.msg import PoseArray, PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
@@ -22,7 +23,7 @@ from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.conversions import BodyInput, joint_commands_from, tracked_joints_from
 from smartmesh_ros.node.inputs.source_clocks import SourceClocks
-from smartmesh_ros.node.inputs.transform_input import FollowedFrames, TransformInput
+from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.parameters.entries import topic_name
 from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.session import Session, require_name
@@ -48,9 +49,8 @@ class BodyInputs:
         self._solids = {entry.body: entry.solid for entry in shapes if entry.solid is not None}
         with naming("bodies.shapes"):
             self._robots = {entry.body: TrackedRobot(entry.body, entry.urdf) for entry in shapes if entry.urdf}
-        self._sources = dict(session.settings.frames)
-        self._frames = FollowedFrames(session, transforms, SOURCE, self._sources, self._follow)
-        self.refresh = self._frames.refresh  # before each step
+        for name, frame in session.settings.frames:
+            transforms.follow(SOURCE, frame, partial(self._follow, name, frame))
         session.listen(TrackedBodyArray, "tracked_bodies", self._on_bodies, BEST_EFFORT)
         session.listen(PoseArray, "body_poses", self._on_poses, BEST_EFFORT)
         session.listen(JointState, "joint_commands", self._on_joint_commands, BEST_EFFORT)
@@ -66,11 +66,6 @@ class BodyInputs:
             drive, name = partial(self._drive, session.bases[entry.body]), topic_name(entry.body)
             session.listen(Twist, f"cmd_vel/{name}", drive, BEST_EFFORT)
             session.listen(TwistStamped, f"cmd_vel_stamped/{name}", partial(self._on_stamped, drive), BEST_EFFORT)
-
-    def forget_stamps(self) -> None:
-        self._clocks.forget()
-        self._frames.forget()
-        self.transforms.buffer.clear()
 
     def expire(self, stall: float) -> None:
         """Removes the tracked bodies without a pose for the time-out, and logs them, at most once a `LOG_PERIOD`;
@@ -105,44 +100,47 @@ class BodyInputs:
         stamp = stamp_seconds(header.stamp)
         transform = self.transforms.to_terrain(header.frame_id, stamp)
         with self._placed(topic, stamp) as placed:
-            session.require_room(body.name for body in bodies)
-            states = [body.state if transform is None else transform.apply(body.state) for body in bodies]
-            radii = [body.radius or session.settings.default_radius for body in bodies]
-            for body, state, radius in zip(bodies, states, radii, strict=True):
+            if transform is not None:
+                bodies = [body._replace(state=transform.apply(body.state)) for body in bodies]
+            for body in bodies:
                 session.require_not_simulated(body.name)
                 require_name(body.name)
-                require_possible(body.name, state)
-                require_between(f"radius of {body.name!r}", radius, SIZES, "m")
-            for body, state, radius in zip(bodies, states, radii, strict=True):
-                self._set(topic, body._replace(state=state, radius=radius), placed.time)
+                require_between(f"radius of {body.name!r}", self._radius(body), SIZES, "m")
+            self._set(topic, bodies, placed.time)
 
-    def _follow(self, name: str, pose: Transform, stamp: float | None, restarted: bool) -> None:
-        session, source, frame = self._session, f"{SOURCE} {name}", self._sources[name]
+    def _follow(self, name: str, frame: str, pose: Transform, stamp: float | None, restarted: bool) -> None:
+        session, source = self._session, f"{SOURCE} {name}"
         session.require_not_simulated(name)
         if self.transforms.is_own(frame):
             words = f"frame {frame!r} of body {name!r} is one that this node publishes (publish.tf)"
             raise InputError("own_topic", f"{words}; a body that follows it would overlap the simulated one")
         if restarted:
-            self._clocks.forget(source)
+            self._clocks.pop(source, None)
         with self._placed(source, stamp) as placed:
-            self._set(SOURCE, BodyInput(name, BodyState(*pose), session.settings.default_radius), placed.time)
+            self._set(SOURCE, [BodyInput(name, BodyState(*pose), 0.0)], placed.time)
 
-    def _set(self, topic: str, body: BodyInput, time: float) -> None:
-        """Set the state of a body, or of all parts of a robot, at ``time`` [s] of the loop's clock; count and log a
-        jump of its pose."""
-        session, parts = self._session, self._parts(body)
-        session.require_room(part.name for part in parts)
-        jumps = [session.tracking.update(*part, time, session.clock.pace(), stated=body.stated) for part in parts]
-        if jump := next(filter(None, jumps), ""):
-            session.jumps[topic] += 1
-            session.node.get_logger().warning(f"{topic}: {jump}", throttle_duration_sec=LOG_PERIOD)
+    def _set(self, topic: str, bodies: list[BodyInput], time: float) -> None:
+        """Set the states of bodies, and of all parts of robots, at ``time`` [s] of the loop's clock; count and log
+        jumps of their poses."""
+        session, parts = self._session, [self._parts(body) for body in bodies]
+        session.require_room(part.name for part in chain.from_iterable(parts))
+        for part in chain.from_iterable(parts):
+            require_possible(part.name, part.state)
+        for body, own in zip(bodies, parts, strict=True):
+            jumps = [session.tracking.update(*part, time, session.clock.pace(), stated=body.stated) for part in own]
+            if jump := next(filter(None, jumps), ""):
+                session.jumps[topic] += 1
+                session.node.get_logger().warning(f"{topic}: {jump}", throttle_duration_sec=LOG_PERIOD)
+
+    def _radius(self, body: BodyInput) -> float:
+        return body.radius or self._session.settings.default_radius
 
     def _parts(self, body: BodyInput) -> list[TrackedPart]:
         """Return the tracked bodies that a body is: itself, or the parts of its robot. Without a stated velocity theirs
         is zero, to be estimated from successive poses."""
         robot = self._robots.get(body.name)
         if robot is None:
-            solid = body.solid or self._solids.get(body.name) or Sphere(body.radius)
+            solid = body.solid or self._solids.get(body.name) or Sphere(self._radius(body))
             return [TrackedPart(body.name, solid, body.state)]
         parts = [*robot.parts(body.state)]
         if body.stated or any(body.state.linear) or any(body.state.angular):

@@ -25,13 +25,13 @@ MOST_SAMPLES = 16_384**2
 
 
 class Stamped(NamedTuple):
-    """The first fields of every terrain message: stamp (seconds and nanoseconds), frame without a leading slash, which
-    means nothing, as to tf2, and tile."""
+    """A header and the name after it: stamp (seconds and nanoseconds), frame without a leading slash, which means
+    nothing, as to tf2, and the tile of a terrain message or the child frame of a transform."""
 
     sec: int
     nanosec: int
     frame_id: str
-    tile: str
+    name: str
 
 
 class CdrReader:

@@ -38,18 +38,13 @@ def bodies_from(message: Any) -> list[BodyInput]:
     """Convert a TrackedBodyArray message; one invalid body refuses the whole message."""
     bodies = []
     for body in message.bodies:
-        state, solid = state_from(body.pose, body.twist), _solid_of(body)
+        state, solid = state_from(body.pose, body.twist), None
+        if body.shape:
+            _kind_of(body.shape, f" of {body.id!r}")
+            solid = shape_of(ShapeKind(body.shape), body.dimensions.tolist(), body.centre.tolist())
         bodies.append(BodyInput(body.id, state, float(body.radius), solid=solid))
     require_distinct([body.name for body in bodies])
     return bodies
-
-
-def _solid_of(body: Any) -> Solid | None:
-    """Return the shape that a TrackedBody gives, None = none."""
-    if not body.shape:
-        return None
-    _kind_of(body.shape, f" of {body.id!r}")
-    return shape_of(ShapeKind(body.shape), body.dimensions.tolist(), body.centre.tolist())
 
 
 def poses_from(message: Any) -> list[BodyInput]:

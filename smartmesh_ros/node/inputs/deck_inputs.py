@@ -13,8 +13,9 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.ground.transform import Transform, fixed_to
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.inputs.body_inputs import BEST_EFFORT
+from smartmesh_ros.node.inputs.cdr_reader import Stamped
 from smartmesh_ros.node.inputs.source_clocks import SourceClocks
-from smartmesh_ros.node.inputs.transform_input import FollowedFrames, TransformInput
+from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.stamps import stamp_seconds
 from smartmesh_ros.terrain.deck import Deck, name_of_tile
@@ -45,9 +46,9 @@ class DeckInputs:
             name: Deck(thickness=entry.thickness) for name, entry in self._entries.items()
         }
         self._clocks = SourceClocks(session)
-        frames = {name: entry.name for name, entry in self._entries.items() if entry.source == "frame"}
-        self._frames = FollowedFrames(session, transforms, SOURCE, frames, self._follow)
         for name, entry in self._entries.items():
+            if entry.source == "frame":
+                transforms.follow(SOURCE, entry.name, partial(self._follow, name))
             if entry.source == "odometry":
                 with naming(SOURCE):
                     session.listen(Odometry, entry.name, partial(self._on_odometry, name), BEST_EFFORT, private=False)
@@ -61,32 +62,27 @@ class DeckInputs:
             if entry.source == "body":
                 world.carry(name, Carrier(entry.name, entry.link, entry.at, entry.orientation))
 
-    def target(self, tile: str, frame_id: str) -> Target:
+    def target(self, start: Stamped) -> Target:
         """Return where a terrain message belongs: to the deck that its tile names, alone or before a slash, or whose
         frame it is in; else to the terrain."""
+        tile = start.name
         name, _, inner = tile.partition("/")
         for deck, entry in self._entries.items():
             if deck == name:
                 return Target(self.decks[deck], inner, tile, entry.frame)
-            if frame_id and frame_id == entry.frame:
+            if start.frame_id and start.frame_id == entry.frame:
                 return Target(self.decks[deck], tile, name_of_tile(deck, tile), entry.frame)
         return Target(self._session.world.terrain, tile, tile)
 
     def refresh(self) -> None:
-        """Moves decks to their frames, as `FollowedFrames` says, and puts those into the terrain whose bodies are
-        there."""
+        """Puts decks into the terrain whose bodies are there."""
         for name, entry in self._entries.items():
             if entry.source == "body" and entry.name in self._session.world.bodies:
                 self._enter(name)
-        self._frames.refresh()
-
-    def forget_stamps(self) -> None:
-        self._clocks.forget()
-        self._frames.forget()
 
     def _follow(self, name: str, pose: Transform, stamp: float | None, restarted: bool) -> None:
         if restarted:
-            self._clocks.forget(_source(name))
+            self._clocks.pop(_source(name), None)
         self._move(name, BodyState(*pose), stamp, stated=False)
 
     def _on_odometry(self, name: str, message: Odometry) -> None:

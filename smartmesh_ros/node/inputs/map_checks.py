@@ -15,7 +15,7 @@ from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.noise_check import NO_FINDINGS, NoiseCheck
 
-# The log repeats a warning only after this long without one [s]; the diagnostics show it as long as it holds.
+# The log repeats a warning only after this long without its problem [s]; the diagnostics show it as long as it holds.
 LOG_PAUSE = 600.0
 # Spacing of the samples that are searched for ground before all others [samples].
 SPARSE = 16
@@ -68,30 +68,23 @@ def disagreement(geometry: GridGeometry, heights: Heights, other: GridGeometry, 
 
 
 class MapChecks:
-    """Checks the maps of each tile: by a `NoiseCheck`, by `Rivals`, and for ground."""
+    """Checks the maps of each tile: by a `NoiseCheck`, by `Rivals`, and for ground. Sets the session's ``map_warning``
+    to the first suspected problem."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self._noise: dict[str, tuple[NoiseCheck, float]] = {}  # and the time of the last map [s]
         self._rivals: dict[str, Rivals] = {}
         self._empty: dict[str, int] = {}  # numbers of samples of tiles without any ground
-        self._warned = -LOG_PAUSE  # steady time of the last warning about noise or holes [s]
-        self._told = False  # the log has named rivals
-        self._disagreement = self._misuse = ""  # warnings about rivals, and about noise or holes
-
-    @property
-    def warning(self) -> str:
-        """The suspected problem, and what to do about it; empty = none."""
-        return self._disagreement or self._misuse
+        self._problems = {"rivals": "", "holes": "", "noise": ""}  # suspected, and what to do about them; "" = none
+        self._warned = dict.fromkeys(self._problems, -LOG_PAUSE)  # steady times when they were last seen [s]
 
     def forget(self, tile: str | None = None) -> None:
         """Restarts the checks of a tile, or of all tiles."""
         for known in (self._noise, self._rivals, self._empty):
             for name in [*known] if tile is None else [tile]:
                 known.pop(name, None)
-        if not self._found:
-            self._disagreement = ""
-        self._update_misuse()
+        self._update()
 
     def note_holes(self, tile: str, heightmap: HeightMap, changed: Heights | None = None) -> None:
         """Notes whether a tile has any ground. ``changed``: the heights that are new (rows, columns), None = all."""
@@ -99,12 +92,15 @@ class MapChecks:
             self._empty[tile] = heightmap.size
         elif self._empty.pop(tile, None) is None:
             return
-        self._update_misuse()
+        self._update()
 
     def take(self, tile: str, raster: Raster, heightmap: HeightMap, time: float) -> None:
         """Checks a whole map of a tile, of ``time`` [s], that the ``heightmap`` has taken. Its noise needs no check if
         changes are corrections, or if the map came with velocities, because its ground moves."""
-        self._compare(tile, raster)
+        if self._several():
+            self._rivals.setdefault(tile, Rivals()).take(raster.geometry, raster.heights)
+        else:
+            self._rivals.clear()
         self.note_holes(tile, heightmap)
         check, last = self._noise.get(tile, (None, time))
         before = NO_FINDINGS if check is None else check.findings
@@ -117,49 +113,40 @@ class MapChecks:
             self._noise[tile] = check, time
             check.take(heightmap, time)
             found = check.findings
-        if found != before:
-            self._update_misuse()
-
-    def _compare(self, tile: str, raster: Raster) -> None:
-        """Look for rivals of a tile, while a topic has a second publisher, and log the first ones."""
-        session = self._session
-        if self._several():
-            self._rivals.setdefault(tile, Rivals()).take(raster.geometry, raster.heights)
-        else:
-            self._rivals.clear()
-        if not self._found:
-            self._disagreement = ""
-        elif not self._disagreement:
-            topics = [topic.topic_name for topic in session.terrain_subscriptions]
-            if names := session.names.of_publishers(session.node, topics):
-                self._disagreement = (
-                    f"maps of tile {tile!r} disagree; they come from {', '.join(names)}: remap one of them, or give "
-                    "each a tile of its own"
-                )
-                if not self._told:
-                    self._told = True
-                    session.node.get_logger().warning(self._disagreement)
+        if found != before or self._rivals or self._problems["rivals"]:
+            self._update()
 
     def _several(self) -> bool:
         return any(topic.get_publisher_count() > 1 for topic in self._session.terrain_subscriptions)
 
-    @property
-    def _found(self) -> bool:
-        return any(rivals.found for rivals in self._rivals.values())
+    def _disagreement(self, tile: str) -> str:
+        """Return that the maps of a tile disagree, and of which nodes; empty while their names are not known."""
+        session = self._session
+        names = session.names.of_publishers(session.node, [one.topic_name for one in session.terrain_subscriptions])
+        if not names:
+            return ""
+        come, cure = f"they come from {', '.join(names)}", "remap one of them, or give each a tile of its own"
+        return f"maps of tile {tile!r} disagree; {come}: {cure}"
 
-    def _update_misuse(self) -> None:
-        """Update the warning about noise and holes, and log a new one."""
+    def _update(self) -> None:
+        """Update the suspected problems, and log new ones."""
+        before, now = self._problems, self._session.clock.steady()
+        rivals = next((tile for tile, rivals in self._rivals.items() if rivals.found), None)
         seen = {tile: str(check.findings) for tile, (check, _) in self._noise.items() if check.findings != NO_FINDINGS}
-        what = "; ".join(f"tile {tile!r}: {words}" if tile else words for tile, words in seen.items())
-        now, before = self._session.clock.steady(), self._misuse
-        self._misuse = f"maps look like those of a sensor or mapper ({what}) {ADVICE}" if what else ""
-        for tile, samples in self._empty.items():
-            place = f"tile {tile!r}" if tile else "the map"
-            self._misuse = f"{place} has no ground: all its {samples} heights are NaN, which means a hole"
-        if self._misuse and not before and now - self._warned >= LOG_PAUSE:
-            self._session.node.get_logger().warning(self._misuse)
-        if self._misuse or before:
-            self._warned = now
+        noise = "; ".join(f"tile {tile!r}: {words}" if tile else words for tile, words in seen.items())
+        empty, samples = next(reversed(self._empty.items()), ("", 0))
+        place = f"tile {empty!r}" if empty else "the map"
+        self._problems = {
+            "rivals": "" if rivals is None else before["rivals"] or self._disagreement(rivals),
+            "holes": f"{place} has no ground: all its {samples} heights are NaN, which means a hole" if samples else "",
+            "noise": f"maps look like those of a sensor or mapper ({noise}) {ADVICE}" if noise else "",
+        }
+        for kind, words in self._problems.items():
+            if words and not before[kind] and now - self._warned[kind] >= LOG_PAUSE:
+                self._session.node.get_logger().warning(words)
+            if words or before[kind]:
+                self._warned[kind] = now
+        self._session.map_warning = next(filter(None, self._problems.values()), "")
 
 
 def _is_hole(heights: Heights) -> bool:

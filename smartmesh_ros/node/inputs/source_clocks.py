@@ -10,24 +10,17 @@ from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.stamps import Placed, StampClock
 
 
-class SourceClocks:
-    """A clock for each source, by its name."""
+class SourceClocks(dict[str, StampClock]):
+    """The clocks of sources by their names. Of a source without one any next stamp is accepted."""
 
     def __init__(self, session: Session) -> None:
+        super().__init__()
         self._session = session
-        self._clocks: dict[str, StampClock] = {}
-        session.source_clocks.append(self._clocks)
+        session.source_clocks.append(self)
 
     def of(self, source: str) -> StampClock:
         """Return the clock of a source; a new one if no message of it was accepted yet."""
-        return self._clocks.get(source) or self._session.stamp_clock()
-
-    def forget(self, source: str | None = None) -> None:
-        """Accept any next stamp of a source, None = of all."""
-        if source is None:
-            self._clocks.clear()
-        else:
-            self._clocks.pop(source, None)
+        return self.get(source) or self._session.stamp_clock()
 
     @contextmanager
     def placing(
@@ -40,18 +33,14 @@ class SourceClocks:
         horizon: float = math.inf,
     ) -> Iterator[Placed]:
         """Give the block the stamp [s] of a message of a source in simulated time, or in that of ``time_at``; record
-        the message as accepted unless the block raises. ``most``, ``horizon``: as of `StampClock.place`."""
+        the message as accepted unless the block raises, and log the first whose stamp is not on this node's clock.
+        ``most``, ``horizon``: as of `StampClock.place`."""
         session, clock = self._session, self.of(source)
         placed = clock.place(stamp, session.clock_now(), time_at or session.time_at, most, horizon, session.pacer.pace)
         yield placed
-        self._note(source, placed)
         clock.accept(placed)
-        self._clocks[source] = clock
-
-    def _note(self, source: str, placed: Placed) -> None:
-        """Log a line if the stamps of a source, of which this is the first, are not on this node's clock, once that
-        runs: maps may come before the first message of ``/clock``."""
-        session = self._session
+        self[source] = clock
+        # Maps may come before the first message of /clock.
         if session.waits_for_clock or not placed.fresh or placed.own or placed.stamp is None:
             return
         age = session.clock_now() - placed.stamp

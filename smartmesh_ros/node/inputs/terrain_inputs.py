@@ -78,12 +78,11 @@ class TerrainInputs:
                 self.load(files.load(settings.file, settings.raster, MOST_SAMPLES))
 
     def forget_stamps(self) -> None:
-        self._clocks.forget()
+        self._clocks.clear()
         self._checks.forget()
         for name, tile in self._terrain.tiles.items():
             if isinstance(tile, HeightMap):
                 self._checks.note_holes(name, tile)
-        self._session.map_warning = self._checks.warning
 
     def _on_map(self, data: bytes) -> None:
         new = map_from(data)
@@ -95,7 +94,7 @@ class TerrainInputs:
 
     def _take_map(self, topic: str, start: Stamped, convert: Callable[[], Raster | None]) -> None:
         """Checks a whole map and puts it into the terrain, or a deck of it; None removes the tile."""
-        session, clock = self._session, self._clocks.of(_source(self._target(start)))
+        session, clock = self._session, self._clocks.of(_source(self._decks.target(start)))
         # A newer map arrived just before this one.
         late = clock.is_overtaken(stamp_seconds(start), session.clock_now(), session.settings.motion.max_interval)
         session.overtaken[topic] += late
@@ -118,7 +117,7 @@ class TerrainInputs:
         with self._ingesting(new.start, update=True) as (target, placed):
             tile = target.tiles.tile(target.tile)
             if not isinstance(tile, HeightMap):
-                words = f"tile {new.start.tile!r} is a general mesh; use ~/terrain_mesh_update"
+                words = f"tile {new.start.name!r} is a general mesh; use ~/terrain_mesh_update"
                 raise InputError("unknown_tile", words)
             time = max(placed.time, tile.time)  # of a source whose clock is behind that of another one
             require_soils(new.material, self._session.settings)
@@ -158,18 +157,15 @@ class TerrainInputs:
         with self._ingesting(new.start, update=True) as (target, placed):
             mesh = target.tiles.tile(target.tile)
             if not isinstance(mesh, TriangleMesh):
-                raise InputError("unknown_tile", f"tile {new.start.tile!r} is a height map; use ~/heightmap_update")
+                raise InputError("unknown_tile", f"tile {new.start.name!r} is a height map; use ~/heightmap_update")
             time = max(placed.time, mesh.time)
             mesh.move(new.vertices, time=time, indices=new.indices, velocities=new.velocities)
-
-    def _target(self, start: Stamped) -> Target:
-        return self._decks.target(start.tile, start.frame_id)
 
     @contextmanager
     def _ingesting(self, start: Stamped, *, update: bool = False) -> Iterator[tuple[Target, Placed]]:
         """Checks the fields common to all terrain messages, and yields where they belong and the stamp in simulated
         time; records the message as accepted unless the block raises `InputError`."""
-        session, target = self._session, self._target(start)
+        session, target = self._session, self._decks.target(start)
         tiles, longest = target.tiles.tiles, session.settings.motion.max_interval
         with session.world.stopwatch.stage("ingest"):
             self._require_place(target, start, update=update)
@@ -184,13 +180,12 @@ class TerrainInputs:
             if target.tile in tiles:
                 tiles[target.tile].delay = self._clocks.of(_source(target)).delay
             else:  # the message removed it; names of others may come without end
-                self._clocks.forget(_source(target))
+                self._clocks.pop(_source(target), None)
                 self._checks.forget(target.name)
             if not target.frame:
                 session.frame_id = session.frame_id or start.frame_id or DEFAULT_FRAME
             session.last_map_time = session.clock.steady()
             session.maps += 1
-            session.map_warning = self._checks.warning
         self._on_terrain()
 
     def _require_place(self, target: Target, start: Stamped, *, update: bool) -> None:
@@ -198,8 +193,6 @@ class TerrainInputs:
         there is a map."""
         if update and not target.tiles.tiles:
             raise InputError("no_map", "an update came before any map; publish the whole map first")
-        if update:
-            target.tiles.tile(target.tile)
         if not target.frame:
             self._session.require_frame(start.frame_id)
         elif start.frame_id not in ("", target.frame):

@@ -1,18 +1,18 @@
-"""Transforms from ``/tf`` and ``/tf_static``, subscribed to on first use."""
+"""Transforms from ``/tf`` and ``/tf_static``, subscribed to on first use, and what follows their frames."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.transform import Transform
-from smartmesh_ros.node.inputs.cdr_reader import CdrReader
+from smartmesh_ros.node.inputs.cdr_reader import CdrReader, Stamped
 from smartmesh_ros.node.inputs.frames import FrameBuffer
 from smartmesh_ros.node.inputs.optional_messages import require_message
 from smartmesh_ros.node.refusals import LOG_PERIOD
@@ -20,22 +20,14 @@ from smartmesh_ros.node.session import Session, require_name
 from smartmesh_ros.node.timing.stamps import stamp_seconds
 
 
-class Stamp(NamedTuple):
-    """A time, with the fields of builtin_interfaces/Time."""
-
-    sec: int
-    nanosec: int
-
-
-def transforms_from(data: bytes) -> Iterator[tuple[Stamp, str, str, Transform]]:
-    """Yield (stamp, parent, child, transform) from a TFMessage's bytes, four times as fast as with rclpy's objects."""
+def transforms_from(data: bytes) -> Iterator[tuple[Stamped, Transform]]:
+    """Yield the header and child of each transform of a TFMessage's bytes, and its pose, four times as fast as with
+    rclpy's objects."""
     reader = CdrReader(data)
     for _ in range(reader.number("I")):
-        stamp = Stamp(reader.number("i"), reader.number("I"))
-        parent, child = reader.text(), reader.text()
-        x, y, z, *rotation = reader.numbers("d", 7)
-        qx, qy, qz, qw = rotation
-        yield stamp, parent, child, Transform((x, y, z), (qx, qy, qz, qw))
+        start = reader.stamped()
+        x, y, z, qx, qy, qz, qw = reader.numbers("d", 7)
+        yield start, Transform((x, y, z), (qx, qy, qz, qw))
 
 
 # Own messages to recognise when they return [-]: those of a second at any rate.
@@ -46,8 +38,23 @@ OTHERS_TIME = 5.0
 PERIOD = 0.2
 
 
+# Takes a frame's pose, its stamp [s], None = static, and whether stamps start over.
+Take = Callable[[Transform, float | None, bool], None]
+
+
+@dataclass
+class _Followed:
+    """A frame that ``take`` follows. ``source``: of what is refused. ``seen``: the last pose and its stamp [s]."""
+
+    source: str
+    frame: str
+    take: Take
+    seen: tuple[Transform, float] | None = None
+
+
 class TransformInput:
-    """The frame buffer and its subscriptions, which `listen` creates. ``listening``: True once they exist."""
+    """The frame buffer and its subscriptions, which `listen` creates, and what follows frames. ``listening``: True once
+    the subscriptions exist."""
 
     def __init__(self, session: Session) -> None:
         self.buffer = FrameBuffer()
@@ -55,6 +62,8 @@ class TransformInput:
         self._own: set[str] = set()
         self._others: dict[str, float] = {}  # steady time of their last message [s]; infinite for static frames
         self._sent: deque[int] = deque(maxlen=MOST_OWN)
+        self._followed: list[_Followed] = []
+        self._version, self._due = -1, 0.0  # of the buffer at the last look-up; when the next is due [s]
         self.listening = False
 
     def listen(self, what: str) -> None:
@@ -67,6 +76,43 @@ class TransformInput:
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._session.listen(kind, "/tf", partial(self._take, static=False), moving, raw=True, private=False)
         self._session.listen(kind, "/tf_static", partial(self._take, static=True), latched, raw=True, private=False)
+
+    def follow(self, source: str, frame: str, take: Take) -> None:
+        """Calls ``take`` with each new pose of a frame in the terrain's frame, with that of a static one again and
+        again. ``source``: of what is refused."""
+        self.listen(source)
+        self._followed.append(_Followed(source, frame, take))
+
+    def refresh(self) -> None:
+        """Look up the frames that are followed, if a transform arrived or a `PERIOD` has passed; failures count once a
+        `PERIOD`."""
+        session = self._session
+        if not self._followed or not session.frame_id:
+            return
+        now = session.clock.pace()
+        overdue = now >= self._due
+        if self.buffer.version == self._version and not overdue:
+            return
+        self._version = self.buffer.version
+        self._due = now + PERIOD if overdue else self._due
+        for one in self._followed:
+            try:
+                pose, stamp = self.buffer.lookup(session.frame_id, one.frame)
+                if stamp is None:
+                    one.take(pose, None, False)
+                elif (pose, stamp) != one.seen:
+                    one.take(pose, stamp, one.seen is not None and stamp < one.seen[1])
+                    one.seen = pose, stamp
+            except InputError as error:
+                if overdue:
+                    session.refusals.add(one.source, error)
+
+    def forget_stamps(self) -> None:
+        """Drop all moving transforms, look up at once, and accept any stamps."""
+        self.buffer.clear()
+        self._due = 0.0
+        for one in self._followed:
+            one.seen = None
 
     def note_own(self, data: bytes) -> None:
         """Notes a message that this node is about to publish on ``/tf``: rclpy does not tell who sent a message."""
@@ -96,15 +142,16 @@ class TransformInput:
         """Add each transform on its own, so that a refused one does not affect the others."""
         topic = "/tf_static" if static else "/tf"
         own, now = hash(data) in self._sent, math.inf if static else self._session.clock.steady()
-        for stamp, parent, child, transform in transforms_from(data):
+        for start, transform in transforms_from(data):
+            child = start.name.strip("/")
             try:
                 require_name(child)
-                time = None if static else self._time_of(stamp, child)
-                back = self.buffer.add(parent.strip("/"), child.strip("/"), transform, time)
+                time = None if static else self._time_of(start)
+                back = self.buffer.add(start.frame_id, child, transform, time)
                 if own:
-                    self._own.add(child.strip("/"))
+                    self._own.add(child)
                 else:
-                    self._others[child.strip("/")] = max(now, self._others.get(child.strip("/"), now))
+                    self._others[child] = max(now, self._others.get(child, now))
                 if back:
                     words = f"transforms of {child!r} before this one were dropped: its stamp is {back:.3f} s older"
                     cause = "as if the clock of its source was set back or a recording started over"
@@ -112,65 +159,12 @@ class TransformInput:
             except InputError as error:
                 self._session.refusals.add(topic, error)
 
-    def _time_of(self, stamp: Stamp, child: str) -> float:
-        """Return a stamp [s]; that of a transform without one is now."""
-        seconds = stamp_seconds(stamp)
-        if seconds is not None:
+    def _time_of(self, start: Stamped) -> float:
+        """Return the stamp of a transform [s]; that of one without stamp is now."""
+        if (seconds := stamp_seconds(start)) is not None:
             return seconds
         session = self._session
         session.unstamped["/tf"] += 1
-        session.node.get_logger().warning(
-            f"transforms of {child!r} on /tf have no stamp, and hold when they arrive", throttle_duration_sec=LOG_PERIOD
-        )
+        words = f"transforms of {start.name!r} on /tf have no stamp, and hold when they arrive"
+        session.node.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)
         return session.clock_now()
-
-
-# Takes the name of what follows a frame, the frame's pose, its stamp [s], None = static, and whether stamps start over.
-Follow = Callable[[str, Transform, float | None, bool], None]
-
-
-class FollowedFrames:
-    """Calls ``follow`` with each new pose of ``frames`` (by the names of what follows them) in the terrain's frame, and
-    with that of a static frame again and again. ``source``: of what is refused."""
-
-    def __init__(
-        self, session: Session, transforms: TransformInput, source: str, frames: Mapping[str, str], follow: Follow
-    ) -> None:
-        self._session, self._buffer, self._source = session, transforms.buffer, source
-        self._frames, self._follow = frames, follow
-        self._seen: dict[str, tuple[Transform, float]] = {}  # the last pose and stamp of each
-        self._version, self._due = -1, 0.0  # of the buffer at the last look-up; when the next is due [s]
-        if frames:
-            transforms.listen(source)
-
-    def refresh(self) -> None:
-        """Look each frame up, if a transform arrived or a `PERIOD` has passed; failures count once a `PERIOD`."""
-        session = self._session
-        if not self._frames or not session.frame_id:
-            return
-        now = session.clock.pace()
-        overdue = now >= self._due
-        if self._buffer.version == self._version and not overdue:
-            return
-        self._version = self._buffer.version
-        self._due = now + PERIOD if overdue else self._due
-        for name, frame in self._frames.items():
-            try:
-                self._look_up(name, frame)
-            except InputError as error:
-                if overdue:
-                    session.refusals.add(self._source, error)
-
-    def forget(self) -> None:
-        """Look up at once, and accept any stamps, after a reset."""
-        self._due = 0.0
-        self._seen.clear()
-
-    def _look_up(self, name: str, frame: str) -> None:
-        pose, stamp = self._buffer.lookup(self._session.frame_id, frame)
-        seen = self._seen.get(name)
-        if stamp is None:
-            self._follow(name, pose, None, False)
-        elif (pose, stamp) != seen:
-            self._follow(name, pose, stamp, seen is not None and stamp < seen[1])
-            self._seen[name] = pose, stamp

@@ -40,11 +40,9 @@ def body_states(
     message: ArrayMessage, header: Header, states: StateTable, physics: PhysicsConfig, ahead: float
 ) -> bytes:
     """Return the TrackedBodyArray of bodies; ``ahead``: lead of the states' time over the header's stamp [s]."""
-    message.start(
-        (header.frame_id, physics.rate, physics.gravity),
-        lambda: TrackedBodyArray(header=header, rate=physics.rate, gravity=np.array(physics.gravity, np.float32)),
-        {**stamp_fields(header), "ahead": ahead},
-    )
+    settings = {"rate": physics.rate, "gravity": np.array([physics.gravity])}
+    start = {**stamp_fields(header), "ahead": ahead, **settings}
+    message.start(header.frame_id, lambda: TrackedBodyArray(header=header), start)
     fields = {
         "radius": states.radii, "shape": states.kinds, "dimensions": states.dimensions, "centre": states.centres,
         "mass": states.masses, **dict(zip(_STATE_FIELDS, states.numbers.T, strict=True)),

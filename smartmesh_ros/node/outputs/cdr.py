@@ -49,7 +49,7 @@ def _numbers_in(value: Any, kind: Any, path: str) -> Iterator[tuple[str, NDArray
     elif isinstance(kind, NamespacedType):
         yield from _numbers_of(value, path)
     elif isinstance(kind, AbstractString):
-        data = text_rows([value])[0]
+        data = np.frombuffer(value.encode() + b"\0", np.uint8)
         yield f"{path}.size", np.asarray(len(data), DTYPES["uint32"])
         yield path, data
     else:
@@ -82,12 +82,14 @@ def bytes_of(message: Any) -> bytes:
 
 
 class Elements:
-    """Layout of equal elements of a sequence. The template element defines all lengths and the constant values."""
+    """Layout of equal elements of a sequence. The template element defines all lengths and the constant values.
+    ``longest``: upper bound of the size of an element [bytes]."""
 
     def __init__(self, template: Any) -> None:
         self._numbers = list(_numbers_of(template))
         self._rows: dict[int, NDArray[Any]] = {}
         self._alignment: int = self._row(0)[0][0].itemsize
+        self.longest: int = self._row(0).itemsize + 2 * MAX_ALIGNMENT
 
     def _row(self, phase: int) -> NDArray[Any]:
         """Return the template as a record (1,), for a start ``phase`` bytes after a multiple of `MAX_ALIGNMENT`."""
@@ -112,7 +114,7 @@ class Elements:
         """Writes ``count`` elements at ``offset`` of ``buffer`` and returns the offset of the next byte.
 
         ``fields``: path -> values that replace the template's, one row per element, or one number for all elements.
-        Strings are arrays of bytes, see `text_rows`.
+        Strings are arrays of bytes, each with its terminating zero.
         """
         # The size of an element may be no multiple of the alignment, but the layout repeats after a few elements.
         start, starts = _aligned(offset, self._alignment), dict[int, int]()  # by phase
@@ -131,20 +133,6 @@ class Elements:
                 view[path] = value[chosen] if np.ndim(value) else value
             end = max(end, start + (n - 1) * period + row.itemsize)
         return end
-
-    def size_bound(self, count: int) -> int:
-        """Return an upper bound of the size of ``count`` elements [bytes]."""
-        return count * (self._row(0).itemsize + 2 * MAX_ALIGNMENT)
-
-
-def text_rows(texts: list[str]) -> NDArray[np.uint8]:
-    """Return texts of equal length in bytes as an array (n, bytes), each with its terminating zero."""
-    return byte_rows([text.encode() + b"\0" for text in texts])
-
-
-def byte_rows(data: list[bytes]) -> NDArray[np.uint8]:
-    """Return bytes of equal length as an array (n, length)."""
-    return np.frombuffer(b"".join(data), np.uint8).reshape(len(data), -1)
 
 
 class ArrayMessage:
@@ -171,7 +159,7 @@ class ArrayMessage:
         if key not in self._layouts:
             self._layouts[key] = Elements(template())
         layout = self._layouts[key]
-        if (need := self._end + layout.size_bound(count)) > len(self._buffer):
+        if (need := self._end + count * layout.longest) > len(self._buffer):
             self._buffer = np.append(self._buffer[: self._end], np.zeros(2 * need, np.uint8))
         self._end = layout.put(self._buffer, self._end, count, fields)
         self._count += count
@@ -183,9 +171,11 @@ class ArrayMessage:
         fields: Mapping[str, Any],
         *,
         ordered: bool = False,
+        key: Hashable = None,
     ) -> None:
         """Add an element for each row of the columns ``texts``, in groups of rows whose texts are of equal lengths;
-        in the order of the rows if ``ordered``. ``template``: returns an element with the texts of a row."""
+        in the order of the rows if ``ordered``. ``template``: returns an element with the texts of a row; another one
+        for each ``key``."""
         encoded = {path: [text.encode() + b"\0" for text in column] for path, column in texts.items()}
         lengths = [*zip(*(map(len, column) for column in encoded.values()), strict=True)]
         order = range(len(lengths)) if ordered else sorted(range(len(lengths)), key=lengths.__getitem__)
@@ -194,8 +184,10 @@ class ArrayMessage:
             whole = rows[-1] - rows[0] == len(rows) - 1
             chosen: Any = slice(rows[0], rows[-1] + 1) if whole else np.array(rows)
             values = {path: value[chosen] if np.ndim(value) else value for path, value in fields.items()}
-            values |= {path: byte_rows([column[row] for row in rows]) for path, column in encoded.items()}
-            self.add(size, partial(template, *(column[rows[0]] for column in texts.values())), len(rows), values)
+            for path, column in encoded.items():
+                values[path] = np.frombuffer(b"".join([column[row] for row in rows]), np.uint8).reshape(len(rows), -1)
+            make = partial(template, *(column[rows[0]] for column in texts.values()))
+            self.add((key, size), make, len(rows), values)
 
     def finish(self) -> bytes:
         self._buffer[: self._start][-4:] = np.array([self._count], "<u4").view(np.uint8)  # the sequence's length

@@ -10,9 +10,10 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.qos import QoSProfile
 
 from smartmesh_ros.errors import listed
-from smartmesh_ros.node.endpoints import incompatible_peers, publishers_of, unheard_latched
+from smartmesh_ros.node.endpoints import incompatible_peers, unheard_latched
 from smartmesh_ros.node.fleet.peers import PeerBodies
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing, ClockWatch
+from smartmesh_ros.node.outputs.rates import Rhythm
 from smartmesh_ros.node.session import Session
 
 # A map older than this is stale [s].
@@ -22,8 +23,8 @@ MOST_AGES = 32
 # Time without a map after which a latched publisher may have sent its only one before [s]. Until then the map may be on
 # its way: a source that starts with the node makes it, or the machine is busy.
 PATIENCE = 3.0
-# Period of the diagnostics, and of the check for appearing and disappearing publishers [s].
-DIAGNOSTICS_PERIOD, CONNECTIONS_PERIOD = 1.0, 0.1
+# Rates of the diagnostics, and of the check for appearing and disappearing publishers [Hz].
+DIAGNOSTICS_RATE, CONNECTIONS_RATE = 1.0, 10.0
 # A smaller share of the clock's time that is simulated is too slow.
 SLOW = 0.95
 # Shortest time over which a real-time factor is measured [s].
@@ -68,16 +69,16 @@ class Diagnostics:
         self._publisher = session.node.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
         self._clock_watch, self._namesakes = ClockWatch(session), 0
         self._window, self._clock_window = PaceWindow(session), PaceWindow(session, session.clock.pace)
-        self._due, self._connections_due = 0.0, 0.0
-        self._connections: dict[str, int] = {}
+        self._rhythm, self._look = Rhythm(session.clock.steady()), Rhythm()
+        self._connections: dict[str, int] = {}  # numbers of connected publishers by topic
         self._refused_before = 0
         self._waiting_since, self._told = self._session.clock.steady(), False
 
     def publish(self, now: float) -> None:
         """Publish the state if it is due at the steady time ``now`` [s], or if a publisher appeared or disappeared."""
-        if now < self._due and (now < self._connections_due or not self._connections_changed(now)):
+        changed = self._look.is_due(now, CONNECTIONS_RATE) and self._connections_changed()
+        if not self._rhythm.is_due(now, DIAGNOSTICS_RATE, now=changed):
             return
-        self._due = now + DIAGNOSTICS_PERIOD
         node_name = self._session.node.get_fully_qualified_name()
         message = DiagnosticArray(
             status=[
@@ -103,9 +104,9 @@ class Diagnostics:
                 "another ROS_DOMAIN_ID"
             )
 
-    def _connections_changed(self, now: float) -> bool:
-        self._connections_due = now + CONNECTIONS_PERIOD
-        before, self._connections = self._connections, publishers_of(self._session.subscriptions)
+    def _connections_changed(self) -> bool:
+        before = self._connections
+        self._connections = {end.topic_name: end.get_publisher_count() for end in self._session.subscriptions}
         return self._connections != before
 
     def _terrain(self) -> tuple[bytes, str, dict[str, Any]]:
@@ -201,8 +202,7 @@ class Diagnostics:
     def _ends(self) -> tuple[bytes, str, dict[str, Any]]:
         session, rivals = self._session, self._clock.rivals
         incompatible = incompatible_peers(session.node, session.subscriptions, session.publishers, session.names)
-        publishers = publishers_of(session.subscriptions)
-        values: dict[str, Any] = {f"publishers of {topic}": count for topic, count in publishers.items()}
+        values: dict[str, Any] = {f"publishers of {topic}": count for topic, count in self._connections.items()}
         values |= {f"without stamp on {topic}": count for topic, count in sorted(session.unstamped.items())}
         sources = chain.from_iterable(clocks.items() for clocks in session.source_clocks)
         ages = islice(((source, clock.age) for source, clock in sources if clock.age is not None), MOST_AGES)

@@ -21,7 +21,7 @@ from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.node.timing.stamps import stamp_seconds
 from smartmesh_ros.terrain.deck import Frame
-from smartmesh_ros.world.imu import Imu, ImuReading
+from smartmesh_ros.world.imu import Imu
 
 
 class ImuOutput:
@@ -42,20 +42,17 @@ class ImuOutput:
             return
         if self._imu is None:
             self._imu = Imu(self._session.world, self._entry.body, self._entry.link, self._entry.config)
-        for reading in self._imu.take():
-            self.publisher.publish(self._message(reading))
-
-    def _message(self, reading: ImuReading) -> ImuMessage:
         session, entry, config = self._session, self._entry, self._entry.config
-        age = session.world.time - reading.time
-        stamp = stamp_of((stamp_seconds(session.stamp_now()) or 0.0) - age)
-        message = ImuMessage(header=Header(stamp=stamp, frame_id=frame_of(session, entry.body, entry.link)))
-        message.orientation = quaternion_message(reading.orientation)
-        message.angular_velocity = vector_message(reading.angular_velocity.tolist())
-        message.linear_acceleration = vector_message(reading.acceleration.tolist())
-        message.angular_velocity_covariance = _diagonal(config.gyroscope_noise_density**2 / reading.duration)
-        message.linear_acceleration_covariance = _diagonal(config.accelerometer_noise_density**2 / reading.duration)
-        return message
+        for reading in self._imu.take():
+            age = session.world.time - reading.time
+            stamp = stamp_of((stamp_seconds(session.stamp_now()) or 0.0) - age)
+            message = ImuMessage(header=Header(stamp=stamp, frame_id=frame_of(session, entry.body, entry.link)))
+            message.orientation = quaternion_message(reading.orientation)
+            message.angular_velocity = vector_message(reading.angular_velocity.tolist())
+            message.linear_acceleration = vector_message(reading.acceleration.tolist())
+            message.angular_velocity_covariance = _diagonal(config.gyroscope_noise_density**2 / reading.duration)
+            message.linear_acceleration_covariance = _diagonal(config.accelerometer_noise_density**2 / reading.duration)
+            self.publisher.publish(message)
 
 
 class OdometryOutput:

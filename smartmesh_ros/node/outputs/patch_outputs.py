@@ -14,7 +14,7 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
 from smartmesh_ros.ground.shown_patches import PatchTable, ShownPatches
-from smartmesh_ros.node.outputs.cdr import ArrayMessage, fields_of, stamp_fields, text_rows
+from smartmesh_ros.node.outputs.cdr import ArrayMessage, fields_of, stamp_fields
 from smartmesh_ros.terrain.grid import IntArray
 
 
@@ -22,8 +22,16 @@ class SentPatches:
     """Revisions of the patches of the last message, by slot, while the bodies stay the same. Those without a patch in
     it count as changed when they return."""
 
-    def __init__(self, capacity: int = 0) -> None:
-        self._sent = np.full(capacity, -1)
+    def __init__(self) -> None:
+        self._epoch, self._sent = -1, np.empty(0, np.int64)
+
+    def renewed(self, epoch: int, capacity: int) -> bool:
+        """Return True if the ``epoch`` is another than at the last call, and forget the patches then. ``capacity``:
+        number of slots."""
+        if epoch == self._epoch:
+            return False
+        self._epoch, self._sent = epoch, np.full(capacity, -1)
+        return True
 
     def changed(self, slots: IntArray, revisions: IntArray) -> NDArray[np.bool_]:
         """Return which of the patches of ``slots`` (n,) differ from those last sent, and note them as sent."""
@@ -58,7 +66,6 @@ class PatchMarkers:
         self._ids: dict[str, int] = {}
         self._id_of = np.empty(0, np.int64)  # marker ids by slot
         self._next_id = 0
-        self._epoch = -1  # of the bodies known here
         self._shown = np.empty(0, np.int64)  # ids, ascending
         self._sent = SentPatches()
 
@@ -77,8 +84,7 @@ class PatchMarkers:
         ``names``: names of all bodies that may have a patch, by slot; ``epoch`` changes when the bodies change.
         ``clear``: first delete all markers of the namespace, such as those of a node that ended.
         """
-        if epoch != self._epoch:
-            self._epoch, self._sent = epoch, SentPatches(len(names))
+        if self._sent.renewed(epoch, len(names)):
             self._ids = {name: self._ids.get(name, self._next_id + new) for new, name in enumerate(names)}
             self._id_of = np.array([self._ids[name] for name in names], np.int64)
             self._next_id += len(names)
@@ -98,7 +104,6 @@ class ColliderPatches:
 
     def __init__(self) -> None:
         self._message = ArrayMessage()
-        self._epoch = -1  # of the bodies known here
         self._shown: set[str] = set()
         self._sent = SentPatches()
 
@@ -109,53 +114,42 @@ class ColliderPatches:
 
         ``names``: names of all bodies that may have a patch, by slot; ``epoch`` changes when the bodies change.
         """
-        if epoch != self._epoch:
-            self._epoch, self._sent = epoch, SentPatches(len(names))
+        self._sent.renewed(epoch, len(names))
         bodies = [names[slot] for slot in patches.slots.tolist()]
-        shown = set(bodies)
-        gone = sorted(self._shown - shown) if only_changed else []
-        self._shown = shown
-        self._message.start(
-            None if gone else (header.frame_id, only_changed),
-            lambda: ColliderPatchArray(header=header, incremental=only_changed, removed=gone),
-            stamp_fields(header),
-        )
+        before, self._shown = self._shown, set(bodies)
+        gone = sorted(before - self._shown) if only_changed else []
+        start = {**stamp_fields(header), "incremental": only_changed}
+        empty = partial(ColliderPatchArray, header=header, removed=gone)
+        self._message.start(None if gone else header.frame_id, empty, start)
         changed = self._sent.changed(patches.slots, patches.revisions)
         chosen = np.flatnonzero(changed) if only_changed else np.arange(len(patches))
-        groups: dict[tuple[str, bool, int, int, int], list[int]] = defaultdict(list)
-        for index in chosen.tolist():  # patches of equal size form one group
-            sizes = int(patches.counts[index]), int(patches.triangle_counts[index])
-            length = len(bodies[index].encode())
-            groups[patches.tiles[index], bool(patches.is_mesh[index]), length, *sizes].append(index)
-        for key, members in groups.items():
-            self._add(patches, key, np.array(members), [bodies[index] for index in members])
+        sizes = np.column_stack([patches.counts, patches.triangle_counts])
+        starts = np.cumsum(sizes, axis=0) - sizes
+        groups: dict[tuple[int, int], list[int]] = defaultdict(list)
+        for index, (points, triangles) in zip(chosen.tolist(), sizes[chosen].tolist(), strict=True):
+            groups[points, triangles].append(index)
+        for size, members in groups.items():
+            points, triangles = size
+            first = starts[members, :, None]
+            fields = {
+                "kind": np.where(patches.is_mesh[members], ColliderPatch.TRIMESH, ColliderPatch.HEIGHTFIELD),
+                "row": patches.rows[members], "column": patches.columns[members], "stride": patches.stride[members],
+                # A patch of all samples is the ground itself.
+                "deviation": np.where(patches.stride[members] == 1, 0.0, np.nan),
+                "mesh.vertices": patches.points_w[first[:, 0] + np.arange(points)],
+                "mesh.triangles": patches.triangles[first[:, 1] + np.arange(triangles)],
+                **dict(zip(_TWIST_FIELDS, patches.motion[members].T, strict=True)),
+            }  # fmt: skip
+            texts = {name: [of[k] for k in members] for name, of in (("body_id", bodies), ("tile", patches.tiles))}
+            self._message.add_named(partial(_collider_patch, points, triangles), texts, fields, key=size)
         return self._message.finish()
-
-    def _add(
-        self, patches: PatchTable, key: tuple[str, bool, int, int, int], members: IntArray, texts: list[str]
-    ) -> None:
-        tile, is_mesh, _, points, triangles = key
-        starts = np.cumsum(patches.counts) - patches.counts
-        first = np.cumsum(patches.triangle_counts) - patches.triangle_counts
-        fields = {
-            "body_id": text_rows(texts),
-            "row": patches.rows[members], "column": patches.columns[members], "stride": patches.stride[members],
-            # A patch of all samples is the ground itself.
-            "deviation": np.where(patches.stride[members] == 1, 0.0, np.nan),
-            "mesh.vertices": patches.points_w[starts[members, None] + np.arange(points)],
-            "mesh.triangles": patches.triangles[first[members, None] + np.arange(triangles)],
-            **dict(zip(_TWIST_FIELDS, patches.motion[members].T, strict=True)),
-        }  # fmt: skip
-        make = partial(_collider_patch, tile, is_mesh, texts[0], points, triangles)
-        self._message.add(key, make, len(texts), fields)
 
 
 _TWIST_FIELDS = (*fields_of("surface_twist.linear"), *fields_of("surface_twist.angular"))
 
 
-def _collider_patch(tile: str, is_mesh: bool, name: str, vertices: int, triangles: int) -> ColliderPatch:
-    kind = ColliderPatch.TRIMESH if is_mesh else ColliderPatch.HEIGHTFIELD
-    patch = ColliderPatch(body_id=name, tile=tile, kind=kind)
+def _collider_patch(vertices: int, triangles: int, name: str, tile: str) -> ColliderPatch:
+    patch = ColliderPatch(body_id=name, tile=tile)
     patch.mesh.triangles = [MeshTriangle()] * triangles
     patch.mesh.vertices = [Point()] * vertices
     return patch

@@ -109,8 +109,8 @@ class Publishing:
         for output in self._outputs.values():
             output.publish(time, now=now, idle=idle)
         for name, of_entries in self._of_entries.items():
-            with enduring(name):
-                for one in of_entries:
+            for one in of_entries:
+                with enduring(name):
                     one.publish(now=now)
         with enduring("clock"):
             self._clock.publish(steady)

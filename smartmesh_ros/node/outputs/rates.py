@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from smartmesh_ros.ground.bullet import undone
@@ -15,8 +16,8 @@ from smartmesh_ros.world.world import ROUNDING, World
 ALL_PATCHES_PERIOD = 5.0
 # Time in which a new subscriber may not have discovered the node and so misses messages [s].
 DISCOVERY_TIME = 3.0
-# Period of the check of latched outputs for changes [s].
-LATCHED_PERIOD = 0.1
+# Rate of the check of latched outputs for changes [Hz].
+LATCHED_RATE = 10.0
 
 
 class RateTime:
@@ -82,25 +83,21 @@ class Output:
     def publish(self, time: float, *, now: bool = False, idle: bool = False) -> None:
         """Publish the message, if there are subscribers and it is due at the ``time`` by which rates count [s], or
         ``now``; if ``idle``, also if there are more subscribers than at the last message or call."""
-        rate, before = self._session.settings.publish.of(self._name), self._subscribers
+        session, before = self._session, self._subscribers
+        rate = session.settings.publish.of(self._name)
         if idle and not now:
             self._subscribers = self.publisher.get_subscription_count()
             now = self._subscribers > before
-        if rate > 0.0 and self.rhythm.is_due(time, rate, now=now):
-            with self._session.enduring(self._name):
-                self._send()
-
-    def _send(self) -> None:
-        self._subscribers = self.publisher.get_subscription_count()
-        if not self._subscribers:
+        if rate <= 0.0 or not self.rhythm.is_due(time, rate, now=now):
             return
-        with self._session.world.stopwatch.stage("publish"), undone(self._send_all_next):
-            made = self.make()
-            for message in made if isinstance(made, list) else [made]:
-                self.publisher.publish(message)
-
-    def _send_all_next(self) -> None:
-        self._all_due = -math.inf
+        with session.enduring(self._name):
+            self._subscribers = self.publisher.get_subscription_count()
+            if not self._subscribers:
+                return
+            with session.world.stopwatch.stage("publish"), undone(partial(setattr, self, "_all_due", -math.inf)):
+                made = self.make()
+                for message in made if isinstance(made, list) else [made]:
+                    self.publisher.publish(message)
 
     @property
     def new(self) -> bool:
@@ -130,13 +127,11 @@ class LatchedOutput:
         self._session, self._read, self._make = session, read, make
         self.publisher = session.publisher(kind, topic, LATCHED)
         self._sent: Any = None  # what the last message was made of; None = no subscribers so far
-        self._due = 0.0
+        self._rhythm = Rhythm()
 
     def publish(self) -> None:
-        now = self._session.clock.steady()
-        if now < self._due:
+        if not self._rhythm.is_due(self._session.clock.steady(), LATCHED_RATE):
             return
-        self._due = now + LATCHED_PERIOD
         if self._sent is None and not self.publisher.get_subscription_count():
             return
         if (found := self._read()) != self._sent:

@@ -104,17 +104,21 @@ class StampClock:
         """Return the simulated time of a stamp [s] that arrives at ``clock_now`` [s] of the node's clock.
 
         ``time_at(age)``: simulated time of an instant ``age`` [s] ago. ``pace``: simulated time in a second, but for
-        stalls [s]. A stamp that is older than the last one by up to
-        ``most`` [s] gets the last one's time; an older one raises `InputError`. A source that is steadily late by more
-        than the ``horizon`` [s] holds that much before its arrival. Changes nothing; see `accept`.
+        stalls [s]. A stamp that is older than the last one by up to ``most`` [s] gets the last one's time; an older one
+        raises `InputError`. A source that is steadily late by more than the ``horizon`` [s] holds that much before its
+        arrival. Changes nothing; see `accept`.
         """
         now = time_at(0.0)
         if stamp is None:
             return Placed(None, now)
         own = self._is_own(clock_now - stamp)
         last = self._last if self._last is not None and self._last.own == own else None  # on the same clock
-        if last is not None:
-            stamp = self._in_order(stamp, clock_now, last.source_time, most)
+        if last is not None and self.is_overtaken(stamp, clock_now, most):
+            stamp = last.source_time
+        if last is not None and stamp < last.source_time:
+            words = f"stamp {stamp:.9f} s is older than the last one, {last.source_time:.9f} s; if the source's clock"
+            cure = "call ~/reset_terrain_clock for maps, or ~/reset for maps and bodies"
+            raise InputError("stamp_backwards", f"{words} was set back, {cure}")
         age = clock_now - stamp
         measured, used = _delays(last, age, own)
         added = min(max(used - horizon, 0.0), max(age, 0.0)) if own else used
@@ -140,16 +144,6 @@ class StampClock:
             return newest <= age <= OLDEST
         # A stamp between the last one of this node's clock and now is late, not of another clock.
         return age >= newest and (self._last.own or age <= 0.5 * OLDEST)
-
-    def _in_order(self, stamp: float, clock_now: float, last: float, most: float) -> float:
-        """Return a stamp [s], or the ``last`` one if that overtook it; raise `InputError` if it is older still."""
-        if self.is_overtaken(stamp, clock_now, most):
-            return last
-        if stamp < last:
-            words = f"stamp {stamp:.9f} s is older than the last one, {last:.9f} s; if the source's clock was set back"
-            cure = "call ~/reset_terrain_clock for maps, or ~/reset for maps and bodies"
-            raise InputError("stamp_backwards", f"{words}, {cure}")
-        return stamp
 
 
 def _delays(last: Placed | None, age: float, own: bool) -> tuple[float, float]:

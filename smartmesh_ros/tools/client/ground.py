@@ -61,7 +61,7 @@ class Ground:
     def take(self, topic: str, data: bytes) -> None:
         """Queue a message of a topic of `MAPS`. A height map replaces what waits for its tile."""
         try:
-            tile = cdr_reader.CdrReader(data).stamped().tile
+            tile = cdr_reader.CdrReader(data).stamped().name
         except InputError:
             return
         if topic == "heightmap":

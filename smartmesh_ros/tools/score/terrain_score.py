@@ -77,7 +77,7 @@ class TerrainScore(ParameterNode):
             stamp = stamp_seconds(message.header.stamp)
             if stamp is None:
                 raise InputError("stamp", "a map has no stamp, so the truth of its time is unknown; stamp the maps")
-            take(message.header.frame_id.strip("/"), stamp, grid_map_raster(message, config))
+            take(message.header.frame_id.strip("/"), stamp, grid_map_raster(message, config, group=""))
         except InputError as error:
             self._refuse(f"{self.resolve_topic_name(topic)}: {error}", f"{topic}: {error.reason}")
         for score in self.scorer.take():
