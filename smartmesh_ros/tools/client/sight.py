@@ -49,11 +49,6 @@ class Pose(NamedTuple):
         return rotated(np.array([-x, -y, -z, w]), points_w - self.position)
 
 
-# Order of the kinds of tracked bodies on ~/scene; each kind is in the order of ~/body_descriptions. The two ends of
-# each capsule follow all bodies.
-DRAWN = (BodyDescription.SPHERE, BodyDescription.BOX, BodyDescription.CYLINDER, BodyDescription.CAPSULE)
-
-
 @dataclass
 class Sight:
     """The newest state of everything but the terrain, in the terrain's ``frame``. ``poses``, ``appearances`` and
@@ -156,8 +151,9 @@ class Sight:
 
     def take_tracked(self, drawn: Sequence[Pose]) -> None:
         """Place the tracked bodies that are not `heard` by the markers of all tracked bodies on ~/scene, unless these
-        are of other bodies than the newest descriptions."""
-        tracked = [body for kind in DRAWN for body in self.appearances.values() if body.tracked and body.shape == kind]
+        are of other bodies than the newest descriptions. They are in the order of these; the two ends of each capsule
+        follow all bodies."""
+        tracked = [body for body in self.appearances.values() if body.tracked]
         if len(drawn) == sum(3 if body.shape == BodyDescription.CAPSULE else 1 for body in tracked):
             there = zip(tracked, drawn, strict=False)
             self.poses |= {body.id: pose for body, pose in there if body.id not in self.heard}
