@@ -62,35 +62,23 @@ class Deck(Tiles):
         self._put(-math.inf, pose_of(position, orientation))
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**super().__getstate__(), "motion": self.core.memory()}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Make a copy that moves on as the original does; nothing carries it."""
-        state = dict(state)
-        motion = state.pop("motion")
-        super().__setstate__(state)
-        self.core.recall(motion)
-        if self.body >= 0:
-            self.core.carry(self.body, self.link, self._place)
-            self.ride(-1, -1, (0.0, 0.0, 0.0), LEVEL)
-
-    def state(self) -> dict[str, Any]:
-        """Return the whole state of the deck, with PyBullet's numbers of its carrier; see `Tiles.state`."""
         return {
-            **super().state(), "thickness": self.thickness, "motion": self.core.memory(), "last": self._last,
+            **super().__getstate__(), "thickness": self.thickness, "motion": self.core.memory(), "last": self._last,
             "carrier": (self.body, self.link, self._place),
         }  # fmt: skip
 
-    @classmethod
-    def from_state(cls, state: dict[str, Any]) -> Deck:
-        """Return the deck of such a state; raises `InputError` if it is none."""
-        made = cls(thickness=state["thickness"])
-        made.take_state(state)
-        made._last = float(state["last"])
-        made.core.recall(state["motion"])
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make a copy that moves on as the original does; nothing carries it."""
+        self.take_state(state)
+        self.ride(-1, -1, (0.0, 0.0, 0.0), LEVEL)
+
+    def take_state(self, state: dict[str, Any]) -> None:
+        """Be the deck of a state, with PyBullet's numbers of its carrier."""
+        self.thickness, self._last = float(state["thickness"]), float(state["last"])
+        super().__setstate__(state)
+        self.core.recall(state["motion"])
         body, link, place = state["carrier"]
-        made.ride(body, link, place[:3], place[3:])
-        return made
+        self.ride(body, link, place[:3], place[3:])
 
     def move(
         self,

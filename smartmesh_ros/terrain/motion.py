@@ -16,7 +16,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
-from typing import Any, Literal, get_args
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,6 +166,11 @@ class MovingGround(ABC):
     @abstractmethod
     def revision(self) -> int:
         """Revision of the last change."""
+
+    def become(self, other: Self) -> None:
+        """Be another one, which must not be used any more."""
+        vars(self).clear()
+        vars(self).update(vars(other))
 
     @property
     def motion(self) -> MotionConfig:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Any, Protocol
 
 import pybullet as pb
@@ -13,7 +13,6 @@ import pybullet as pb
 from smartmesh_ros.errors import checked_seed
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.shapes import Hull
-from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain import state_file
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.world.bodies import Body, BodyMaterial
@@ -81,18 +80,14 @@ class SavedWorld(Population):
 
     def _whole(self, snapshot: Snapshot, extra: dict[str, Any] | None) -> WorldState:
         """Return the whole state, with a snapshot of its bodies."""
-        self.ground.check_soil()
-        soil, contacts, slots = self.ground.soil, self.ground.contacts, self._own_slots()
         return WorldState(
+            **self.ground.laid(),
             snapshot=snapshot,
-            terrain=self.terrain,
-            soil=None if soil is None else soil.state(),
-            tile=self.ground.tile_of_soil,
             carried=self.carried,
             config=self.config,
             seed=self.seed,
             first=self._first,
-            memory=contacts.memory(slots),
+            memory=self.ground.contacts.memory(self._own_slots()),
             falls=self.falls.checked,
             extra=extra or {},
         )
@@ -126,7 +121,11 @@ class SavedWorld(Population):
         snapshot = state if isinstance(state, Snapshot) else state.snapshot
         robots = {body.name: prepare_robot(body.urdf) for body in snapshot.bodies if body.urdf is not None}
         before, drawn = dict(vars(self)), self.ground.drawn
-        with state_file.foreign_refused(), self._other_ground(state) as soil, undone(lambda: self._back_to(before)):
+        self.ground.check_soil()
+        laid: Any = nullcontext(self.ground.soil)
+        if isinstance(state, WorldState):
+            laid = self.ground.other_terrain(state.terrain, state.soil, state.tile)
+        with state_file.foreign_refused(), laid as soil, undone(lambda: self._back_to(before)):
             self._rescues = self.rescues
             if isinstance(state, WorldState):
                 self.config, self.seed, self._first = state.config, int(state.seed), state.first
@@ -225,30 +224,6 @@ class SavedWorld(Population):
         links = ((body, link) for body in self._own_bodies() for link in links_of(body))
         found = (self.followers.at(body.uid, link) for body, link in links)
         return [follower.slot for follower in found if follower is not None]
-
-    @contextmanager
-    def _other_ground(self, state: WorldState | Snapshot) -> Iterator[Any]:
-        """Take the terrain and the soil of a state for the block, which gets the soil; they are as before if it
-        raises."""
-        self.ground.check_soil()
-        soil = self.ground.soil
-        if isinstance(state, Snapshot):
-            yield soil
-            return
-        known, undo = None if soil is None else dict(vars(soil)), self.terrain.become(state.terrain)
-        try:
-            if state.soil is None:
-                yield None
-            elif soil is None:
-                yield Soil.from_state(self.terrain, state.soil, state.tile)
-            else:
-                soil.become(self.terrain, state.soil, state.tile)
-                yield soil
-        except BaseException:
-            undo()
-            if soil is not None and known is not None:
-                vars(soil).update(known)
-            raise
 
     def _back_to(self, before: dict[str, Any]) -> None:
         """Be again what the world was ``before``."""
