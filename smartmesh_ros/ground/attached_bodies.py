@@ -98,14 +98,14 @@ class AttachedBodies:
             raise InputError("unknown_body", f"body {body} is a piece of this ground; attach what stands on it")
         self._drop_gone()
         shapes = shapes_of(self._client, body, link, shape, radius)
-        made = [Follower(body, each, record, solid) for each, record in shapes.items()]
+        made = [Follower(body, each, record, solid, own=solid) for each, record in shapes.items()]
         self.followers.require_new(body, list(shapes))
         if not len(self.followers):
             self.contacts.begin(self.clock, time_step_of(self._client))
         added: list[int] = []
         with undone(lambda: self._take_off(added)):
             for follower in made:
-                self.followers.add(follower, own=solid)
+                self.followers.add(follower)
                 with undone(partial(self.followers.remove, follower.slot)):
                     self.contacts.attach(follower)
                 added.append(follower.slot)
@@ -158,8 +158,9 @@ class AttachedBodies:
 
     def set_owner(self, slot: int, *, own: bool, remote: bool) -> None:
         """Note whether this world moves a follower, and whether another node simulates it."""
-        self.followers.set_owner(slot, own=own, remote=remote)
-        self.contacts.note_kind(slot)
+        follower = self.followers[slot]
+        follower.own, follower.remote = follower.own and own, remote
+        self.contacts.note_kind(follower)
 
     def let_sleep(self, config: SleepConfig | None = SleepConfig()) -> None:  # noqa: B008 - it is frozen
         """Wake all bodies, and let those at rest sleep from now on; None = nobody.
@@ -184,10 +185,10 @@ class AttachedBodies:
     def note_remote_states(self, bodies: list[int], states: FloatArray) -> None:
         """Note that bodies of other nodes are about to be set to states (n, 13). They sleep only while their owners say
         that they are at rest."""
-        followers = self.followers
-        slots = np.array([followers.of(body)[0] for body in bodies], np.int64)
+        slots = np.array([self.followers.of(body)[0] for body in bodies], np.int64)
         jumps = np.linalg.norm(states[:, :3] - self.contacts.states_of(slots)[:, :3], axis=1)
-        active = slots[states[:, 7:13].any(axis=1) | ~(jumps <= followers.radii[slots])]
+        radii = [self.followers[slot].radius for slot in slots.tolist()]
+        active = slots[states[:, 7:13].any(axis=1) | ~(jumps <= radii)]
         self.contacts.wake(active.tolist())
 
     def close(self) -> None:

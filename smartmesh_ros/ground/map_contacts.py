@@ -20,7 +20,6 @@ from smartmesh_ros.ground.config import SleepConfig, require_time_step
 from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.layout_probe import misread, number_of
 from smartmesh_ros.ground.shown_ground import FAR_AWAY
-from smartmesh_ros.ground.state import BODY_COLUMNS
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -74,7 +73,7 @@ class MapContacts:
             raise InputError("geometry", f"body {follower.body} cannot stand on the ground: {error}") from None
         if follower.solid:
             follower.collider = proxy
-        self.note_kind(follower.slot)
+        self.note_kind(follower)
         if follower.belt.speed:
             self.drive(follower)
 
@@ -96,10 +95,9 @@ class MapContacts:
         for slot in slots:
             self.attach(self._followers[slot])
 
-    def note_kind(self, slot: int) -> None:
+    def note_kind(self, follower: Follower) -> None:
         """Tell the core who moves a follower."""
-        it = self._followers.table[slot]
-        self.core.set_kind(slot, bool(it["solid"]), bool(it["own"]), bool(it["remote"]))
+        self.core.set_kind(follower.slot, follower.solid, follower.own, follower.remote)
 
     def begin(self, time: float, dt: float) -> bool:
         """Set the time [s] at the start of the next step of ``dt`` [s]; returns True if bodies may have been removed
@@ -168,10 +166,9 @@ class MapContacts:
         return bool(self.core.is_ground(body))
 
     def states_of(self, slots: IntArray) -> FloatArray:
-        """Return the states (n, 13) of followers, asleep or not, as they are now; NaN for bodies that are gone."""
-        states = np.empty((self._followers.capacity, BODY_COLUMNS))
-        self.core.read(slots, states)
-        return np.asarray(states[slots])
+        """Return the states (n, 13) of followers, asleep or not, as they are now; NaN in slots that nobody has, and for
+        bodies that are gone."""
+        return np.asarray(self.core.read(slots))
 
     def close(self) -> None:
         """Leave the client, from which all followers are detached."""

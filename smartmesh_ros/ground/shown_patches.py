@@ -77,16 +77,14 @@ class ShownPatches:
         if self._layout != self._terrain.layout_revision:
             self._layout = self._terrain.layout_revision
             self._core.set_tiles(self._terrain.readers)
-        followers = self._followers
-        chosen = followers.table["alive"] & ~followers.table["remote"] & np.isfinite(states).all(axis=1)
-        slots = np.flatnonzero(chosen)
+        there: list[bool] = np.isfinite(states).all(axis=1).tolist()
+        found = [follower for follower in self._followers if not follower.remote and there[follower.slot]]
+        slots = np.array([follower.slot for follower in found], np.int64)
         bodies = np.full(len(states), -1, np.int64)  # that may carry decks, which they do not touch
-        if self._terrain.decks:
-            bodies[slots] = [followers[slot].body for slot in slots.tolist()]
+        tracked = np.zeros(len(states), bool)
+        bodies[slots], tracked[slots] = [it.body for it in found], [not it.solid for it in found]
         with self._stopwatch.stage("search"):
-            tracked = followers.table["alive"] & ~followers.table["solid"]
-            shapes = [followers[slot].shape for slot in slots.tolist()]
-            self._core.search(shapes, states, slots, tracked, bodies, time, AHEAD, FARTHEST)
+            self._core.search([it.shape for it in found], states, slots, tracked, bodies, time, AHEAD, FARTHEST)
         with self._stopwatch.stage("collect"):
             self.slots = self._core.collect(slots, time)
 

@@ -42,10 +42,10 @@ def ground_contacts(client: Any, ground: Ground) -> list[GroundContact]:
         elif first is not None:
             x, y, z = point[7]
             contacts.append(GroundContact(first, point[5], (-x, -y, -z), -point[8], point[9]))
-    for slot in followers.tracked.tolist():
-        if found := ground.contacts.core.deepest_contact(slot):
+    for follower in followers:
+        if not follower.solid and (found := ground.contacts.core.deepest_contact(follower.slot)):
             position, normal, depth = found
-            contacts.append(GroundContact(followers[slot].name, position, normal, depth, math.nan))
+            contacts.append(GroundContact(follower.name, position, normal, depth, math.nan))
     return contacts
 
 

@@ -33,7 +33,7 @@ class Reaching:
     def __init__(self, ground: MainMesh | Terrain, shapes: Iterable[BodyShape], solid: BoolArray | bool = True) -> None:
         known, self.followers = list(shapes), Followers()
         for body, is_solid in enumerate(np.broadcast_to(solid, len(known)).tolist()):
-            self.followers.add(Follower(body, -1, known[body], is_solid), own=True)
+            self.followers.add(Follower(body, -1, known[body], is_solid))
         self.patches = ShownPatches(Terrain.of(ground), self.followers, Stopwatch())
 
     def at(self, positions: FloatArray, time: float = 0.0, speed: float = 0.0) -> PatchTable:

@@ -174,9 +174,7 @@ struct Ground {
       for (std::size_t k = 0; k < slots.shape(0); ++k)
         rows.push_back(smartmesh::memory_of(slot_in(held, slots.data()[k])));
     }
-    auto found = new_array<double, 2>({slots.shape(0), sizeof(SlotMemory) / sizeof(double)});
-    std::copy(rows.begin(), rows.end(), reinterpret_cast<SlotMemory*>(found.data()));
-    return found;
+    return table_of(rows);
   }
   void recall(Slots slots, Doubles2 memory) {
     const HeldWorld held = world();
@@ -202,26 +200,30 @@ struct Ground {
       throw std::invalid_argument("the parts on the soil are those of another body");
   }
   static int checked_slot(const BulletWorld& held, std::int64_t slot) {
-    if (slot < 0 || slot > MOST_SLOTS || !held.attached.has(static_cast<int>(slot)))
-      throw std::invalid_argument("no attached body has this slot");
+    if (!held.attached.has(slot)) throw std::invalid_argument("no attached body has this slot");
     return static_cast<int>(slot);
   }
   static Slot& slot_in(const HeldWorld& held, std::int64_t slot) {
     return held->attached.slots[checked_slot(*held.world, slot)];
   }
-  // Writes the states of the bodies in `slots` (n,) to `states` (S, 13); NaN for bodies that are gone.
-  void read(Slots slots, States states) {
-    check_table(states, states.shape(0), BODY_COLUMNS, "states");
+  // Returns the states (n, 13) of the bodies in `slots` (n,); NaN in slots that nobody has, and for bodies that are
+  // gone.
+  NewTable read(Slots slots) {
+    check_alignment(slots.data(), sizeof(std::int64_t));
+    NewTable states = new_array<double, 2>({slots.shape(0), BODY_COLUMNS});
+    std::fill_n(states.data(), states.size(), NONE);
     const HeldWorld found = world();
     found->attached.find_objects();
-    for (std::size_t k = 0; k < slots.shape(0); ++k) {
-      const std::int64_t slot = slots.data()[k];
-      if (slot < 0 || slot >= static_cast<std::int64_t>(states.shape(0)))
-        throw std::invalid_argument("a slot is not in states");
-      if (!found->attached.has(static_cast<int>(slot)) ||
-          !found->attached.slots[slot].read(rows_of<BodyState>(states)[slot]))
-        std::fill_n(states.data() + BODY_COLUMNS * slot, BODY_COLUMNS, NONE);
-    }
+    for (std::size_t k = 0; k < slots.shape(0); ++k)
+      if (found->attached.has(slots.data()[k]))
+        found->attached.slots[slots.data()[k]].read(reinterpret_cast<BodyState*>(states.data())[k]);
+    return states;
+  }
+  // Returns the attached bodies by slot, (S, 10).
+  std::vector<AttachedRow> bodies() const {
+    const HeldWorld found = world();
+    found->attached.find_objects();
+    return found->attached.rows();
   }
   // Returns the point [m], the normal and the depth [m] of the deepest contact of a slot now, None if there is none.
   auto deepest_contact(int slot) {
@@ -285,7 +287,8 @@ void add_ground(nb::module_& m) {
       .def("forget", [](const Ground& g) { g.world()->forget(); })
       .def("keep_apart", &Ground::keep_apart, "body"_a)
       .def("deepest_contact", &Ground::deepest_contact, "slot"_a)
-      .def("read", &Ground::read, "slots"_a.noconvert(), "states"_a.noconvert());
+      .def("bodies", [](const Ground& g) { return table_of(g.bodies()); })
+      .def("read", &Ground::read, "slots"_a.noconvert());
   add_number<&Instant::time>(ground, "time");
   add_number<&Instant::duration>(ground, "duration");
   add_number<&Instant::margin>(ground, "margin");
