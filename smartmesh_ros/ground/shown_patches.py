@@ -77,7 +77,7 @@ class ShownPatches:
         if self._layout != self._terrain.layout_revision:
             self._layout = self._terrain.layout_revision
             self._core.set_tiles(self._terrain.readers)
-        there: list[bool] = np.isfinite(states).all(axis=1).tolist()
+        there = np.asarray(np.isfinite(states).all(axis=1))
         found = [follower for follower in self._followers if not follower.remote and there[follower.slot]]
         slots = np.array([follower.slot for follower in found], np.int64)
         bodies = np.full(len(states), -1, np.int64)  # that may carry decks, which they do not touch

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from array import array
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
+from dataclasses import astuple, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +43,7 @@ class StateServices:
         extra = {"frame_id": self._session.frame_id, "waiting": initial.waiting, "described": bool(robot.urdf)}
         extra["names"] = sorted(initial.names)
         extra["starts"] = {name: [*at.position, *at.orientation] for name, at in initial.starts.items()}
-        extra["bases"] = {name: [*base.memory] for name, base in self._session.bases.items()}
+        extra["bases"] = {name: [*astuple(base.memory)] for name, base in self._session.bases.items()}
         data = self._session.world.save(file, extra=extra)
         self._take(**_checked(**extra))
         if file is None:
