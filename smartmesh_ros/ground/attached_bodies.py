@@ -113,7 +113,7 @@ class AttachedBodies:
 
     def is_ground(self, body: int) -> bool:
         """Return True if a PyBullet body stands for the ground, such as the other body of a contact point."""
-        return self.contacts.is_ground(body)
+        return bool(self.contacts.core.is_ground(body))
 
     def detach(self, body: int) -> None:
         """Take ``body`` and its links off the ground. A body that is removed from PyBullet is taken off by itself."""
@@ -236,7 +236,7 @@ class AttachedBodies:
         if soil is not None and not self._has(soil.map):
             raise InputError("soil", "the map of the soil is no tile of this ground's terrain")
         self.wake()
-        self.contacts.set_soil(None if soil is None else soil.core)
+        self.contacts.core.set_soil(None if soil is None else soil.core)
         self._soil, self._soil_revision = soil, 0 if soil is None else soil.map.soil_revision
 
     def check_soil(self) -> None:

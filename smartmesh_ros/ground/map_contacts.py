@@ -84,7 +84,7 @@ class MapContacts:
             for slot in slots:
                 follower = self._followers[slot]
                 if self.core.is_there:
-                    if follower.collider is not None and self.is_ground(follower.collider):
+                    if follower.collider is not None and self.core.is_ground(follower.collider):
                         self._client.removeBody(follower.collider)
                     self.core.detach(slot)
                 follower.collider = None
@@ -131,39 +131,23 @@ class MapContacts:
         """Move the surface of a follower by its belt."""
         self.core.drive(follower.slot, follower.belt.axis, follower.belt.speed)
 
-    def set_soil(self, soil: Any) -> None:
-        """Take contacts from a core's soil where its map is; None = from the map itself."""
-        self.require_client()
-        self.core.set_soil(soil)
-
-    def memory(self, slots: list[int]) -> dict[str, Any]:
+    def memory(self, slots: list[int]) -> tuple[FloatArray, list[FloatArray]]:
         """Return what is known of the past of followers beside their contacts: for how long they were still and where,
         and their parts on the soil."""
-        table = self.core.memory_of(np.array(slots, np.int64))
-        return {"slots": table, "parts": [self.core.parts_memory(slot) for slot in slots]}
+        table, parts = self.core.memory(np.array(slots, np.int64))
+        return table, parts
 
-    def recall(self, slots: list[int], memory: dict[str, Any]) -> None:
+    def recall(self, slots: list[int], memory: tuple[FloatArray, list[FloatArray]]) -> None:
         """Take over what `memory` returned, in the same order. Raises `InputError` if it is none of these followers."""
         try:
-            self.core.recall(np.array(slots, np.int64), memory["slots"])
-            for slot, parts in zip(slots, memory["parts"], strict=True):
-                self.core.recall_parts(slot, parts)
+            self.core.recall(np.array(slots, np.int64), *memory)
         except (TypeError, ValueError) as error:
             raise InputError("state", f"a saved state is none of these bodies: {error}") from None
-
-    def forget(self) -> None:
-        """Forget the past of all bodies: contacts, their impulses and order, rest. Poses and velocities stay."""
-        self.require_client()
-        self.core.forget()
 
     def require_client(self) -> None:
         """Raise `InputError` if the client was reset or closed, and PyBullet's error if a step failed in the core."""
         if fault := self.core.take_fault():
             raise pb.error(f"in a step of PyBullet a body had no contacts with the ground: {fault}")
-
-    def is_ground(self, body: int) -> bool:
-        """Return True if a PyBullet body stands for the ground: a proxy, or a tile that is drawn."""
-        return bool(self.core.is_ground(body))
 
     def states_of(self, slots: IntArray) -> FloatArray:
         """Return the states (n, 13) of followers, asleep or not, as they are now; NaN in slots that nobody has, and for

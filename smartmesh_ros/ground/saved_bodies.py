@@ -86,7 +86,8 @@ class SavedBodies(AttachedBodies):
     def forget(self) -> None:
         """Forget the past of all bodies but poses and velocities: contacts, their impulses and order, rest, and how the
         soil was sheared; what sleeps wakes. Worlds that are equal then evolve equally, even with different pasts."""
-        self.contacts.forget()
+        self.contacts.require_client()
+        self.contacts.core.forget()
         self._printed = math.nan
 
     def _state(self) -> bytes:
@@ -123,13 +124,13 @@ class SavedBodies(AttachedBodies):
         """Let PyBullet and the core know what `_memory` returned, and nothing else of the past."""
         contacts = self.contacts
         contacts.core.time = known["time"]
-        contacts.set_soil(None)  # restoring finds contacts, which must not press the soil
+        contacts.core.set_soil(None)  # restoring finds contacts, which must not press the soil
         # The order of contacts depends on earlier positions of the bodies, which the first restoring replaces.
         _restore_bullet(self._client, known["bullet"])
-        contacts.forget()
+        contacts.core.forget()
         _restore_bullet(self._client, known["bullet"])
         self._soil_revision = 0 if self.soil is None else self.soil.map.soil_revision
-        contacts.set_soil(None if self.soil is None else self.soil.core)
+        contacts.core.set_soil(None if self.soil is None else self.soil.core)
         for follower, belt in zip(self.followers, known["belts"], strict=True):
             follower.belt = belt
             if follower.solid:

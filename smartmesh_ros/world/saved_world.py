@@ -134,7 +134,8 @@ class SavedWorld(Population):
             self.ground.set_soil(soil)
             self._fill(snapshot, robots)
             if isinstance(state, WorldState):
-                self._recall(state)
+                self.ground.contacts.recall(self._own_slots(), state.memory)
+                self.falls.checked = float(state.falls)
             if drawn:
                 self.ground.show(drawn)
             self._bind_anew()
@@ -250,10 +251,3 @@ class SavedWorld(Population):
                 self.command(body.name, joint, command)
             self._move_belts(new, body.belts)
         self._set_ends({(body.name, joint): end for body in snapshot.bodies for joint, end in body.ends.items()})
-
-    def _recall(self, state: WorldState) -> None:
-        """Take over what the state knows of the past of the bodies."""
-        slots = self._own_slots()
-        if state.memory is not None:
-            self.ground.contacts.recall(slots, state.memory)
-        self.falls.checked = float(state.falls)

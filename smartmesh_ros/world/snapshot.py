@@ -17,6 +17,7 @@ from smartmesh_ros.ground.quaternions import rounded
 from smartmesh_ros.ground.shapes import SHAPES, Hull, Solid
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain import state_file
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import STATE_TYPES, Terrain
 from smartmesh_ros.world.driving import Carrier
 from smartmesh_ros.world.joints import JointCommand
@@ -84,7 +85,7 @@ class WorldState:
     config: WorldConfig
     seed: int
     first: Terrain | None
-    memory: dict[str, Any] | None
+    memory: tuple[FloatArray, list[FloatArray]]
     falls: float
     extra: dict[str, Any]
 
