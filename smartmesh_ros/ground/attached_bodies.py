@@ -43,7 +43,6 @@ class AttachedBodies:
         self.stopwatch = stopwatch or Stopwatch()
         self.followers = Followers()
         self._soil: Soil | None = None
-        self._soil_revision = 0  # of the places of soils that bodies stand on
         self._shown: ShownGround | None = None
         self._printed = math.nan  # time at which prints of the soil were written into its map [s]
         self.contacts = self._new_contacts()
@@ -237,7 +236,7 @@ class AttachedBodies:
             raise InputError("soil", "the map of the soil is no tile of this ground's terrain")
         self.wake()
         self.contacts.core.set_soil(None if soil is None else soil.core)
-        self._soil, self._soil_revision = soil, 0 if soil is None else soil.map.soil_revision
+        self._soil = soil
 
     def check_soil(self) -> None:
         """Take the soil away if its map is gone; wake what rests on it if other soils lie there."""
@@ -246,9 +245,7 @@ class AttachedBodies:
         if not self._has(self.soil.map):
             log.warning("the map of the soil is no tile any more: bodies stand on the maps themselves")
             self.set_soil(None)
-        elif self.soil.map.soil_revision != self._soil_revision:
-            self._soil_revision = self.soil.map.soil_revision
-            self.soil.take_kinds()
+        elif self.soil.take_kinds():
             self.wake()
 
     def on_soil(self) -> dict[str, SoilSupport]:

@@ -129,7 +129,6 @@ class SavedBodies(AttachedBodies):
         _restore_bullet(self._client, known["bullet"])
         contacts.core.forget()
         _restore_bullet(self._client, known["bullet"])
-        self._soil_revision = 0 if self.soil is None else self.soil.map.soil_revision
         contacts.core.set_soil(None if self.soil is None else self.soil.core)
         for follower, belt in zip(self.followers, known["belts"], strict=True):
             follower.belt = belt

@@ -76,7 +76,6 @@ class MovingHeights(LaidGround, MovingGround):
         self._deviation: float | None = None  # standard deviation by the last update's variances [m], None = not given
         self.version = 0  # number of updates
         self._material = together(material, friction=friction, soil=soil).checked(shape)
-        self.soil_revision = 0  # changes with every assignment of the soil
         self.track = at_rest(geometry, time)
         self._set_motion()
         self._take(0, 0, new, speeds, time, checked_variance(variance, shape))
