@@ -39,7 +39,9 @@ class SavedBodies(AttachedBodies):
         written.
         """
         with self._hidden():
-            data = self._state()
+            self._require_exact()
+            self._drop_gone()
+            data = state_file.to_bytes(KIND, {**self.laid(), **self._memory(), "links": self._links})
         if file is not None:
             state_file.write(data, file)
         self.restore_state(data)
@@ -89,11 +91,6 @@ class SavedBodies(AttachedBodies):
         self.contacts.require_client()
         self.contacts.core.forget()
         self._printed = math.nan
-
-    def _state(self) -> bytes:
-        self._require_exact()
-        self._drop_gone()
-        return state_file.to_bytes(KIND, {**self.laid(), **self._memory(), "links": self._links})
 
     def laid(self) -> dict[str, Any]:
         """Return the terrain and the soil on it, as `other_terrain` takes them."""

@@ -22,7 +22,7 @@ from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.population import Population
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.settings import WorldConfig
-from smartmesh_ros.world.snapshot import BodySnapshot, Snapshot, WorldState
+from smartmesh_ros.world.snapshot import KIND, BodySnapshot, Snapshot, WorldState
 
 Source = bytes | str | os.PathLike[str]
 
@@ -72,15 +72,15 @@ class SavedWorld(Population):
 
     def state_bytes(self, extra: dict[str, Any] | None = None) -> bytes:
         """Return the whole state, as `save` does, and go on as before. ``extra``: what is saved with it."""
-        return self._whole(self.snapshot(), extra).to_bytes()
+        return self._whole(self.snapshot(), extra)
 
     def _saved(self, extra: dict[str, Any] | None = None) -> bytes:
         """Return the whole state as other worlds take it over."""
-        return self._whole(self.snapshot().rounded(), extra).to_bytes()
+        return self._whole(self.snapshot().rounded(), extra)
 
-    def _whole(self, snapshot: Snapshot, extra: dict[str, Any] | None) -> WorldState:
+    def _whole(self, snapshot: Snapshot, extra: dict[str, Any] | None) -> bytes:
         """Return the whole state, with a snapshot of its bodies."""
-        return WorldState(
+        state = WorldState(
             **self.ground.laid(),
             snapshot=snapshot,
             carried=self.carried,
@@ -91,6 +91,7 @@ class SavedWorld(Population):
             falls=self.falls.checked,
             extra=extra or {},
         )
+        return state_file.to_bytes(KIND, state)
 
     def save(self, file: str | os.PathLike[str] | None = None, *, extra: dict[str, Any] | None = None) -> bytes:
         """Return the whole state, and write it to a ``file`` unless it is None.
