@@ -213,9 +213,6 @@ class Population(Driving):
             raise InputError("guest", f"{name!r} is simulated by {body.owner}; ask that one")
         return body
 
-    def _is_guest(self, name: str) -> bool:
-        return bool(self.bodies[name.partition("/")[0]].owner)
-
     def _remove(self, name: str) -> None:
         self._discard(self.body(name))
         del self.bodies[name]
