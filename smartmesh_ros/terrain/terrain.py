@@ -115,6 +115,11 @@ class Terrain(Tiles):
         return [mesh for of in (self, *self.decks.values()) for mesh in of.tiles.values()]
 
     @property
+    def layout_revision(self) -> int:
+        """Number that changes when a tile is added, removed or replaced, also of decks."""
+        return max([super().layout_revision, *(deck.layout_revision for deck in self.decks.values())])
+
+    @property
     def revision(self) -> int:
         """Revision of the latest change of a tile, also of decks; their frames' motion does not count."""
         return max([super().revision, *(deck.revision for deck in self.decks.values())])
