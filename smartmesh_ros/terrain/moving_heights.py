@@ -22,7 +22,7 @@ from smartmesh_ros.terrain.checked_heights import (
     deviation_of,
     unmasked,
 )
-from smartmesh_ros.terrain.corrections import fuse_rectangle, fused_of, put_fused
+from smartmesh_ros.terrain.corrections import fuse_rectangle
 from smartmesh_ros.terrain.grid import GridGeometry, geometry_of
 from smartmesh_ros.terrain.grid_track import GridTrack, at_rest, follow
 from smartmesh_ros.terrain.laid_ground import LaidGround
@@ -99,7 +99,7 @@ class MovingHeights(LaidGround, MovingGround):
             "deviation": self._deviation,
             "shown": float(self.core_reader.shown),
             "settled": float(self.core_reader.settled),
-            "fused": fused_of(self.core_reader),
+            "fused": self.core_reader.fused,
             "prints": None if prints is None else (prints.given, prints.corners),
         }
 
@@ -113,7 +113,9 @@ class MovingHeights(LaidGround, MovingGround):
         self.track, self.version, self._deviation = state["track"], state["version"], state["deviation"]
         self.core_reader.settled = state["settled"]
         if state["fused"] is not None:
-            put_fused(self.core_reader, state["fused"])
+            self.core_reader.begin_fusion()
+            for array, kept in zip(self.core_reader.fused, state["fused"], strict=True):
+                filled(array, kept)
         if state["prints"] is not None:
             self.prints = Prints(self._heights)
             given, self.prints.corners = state["prints"]

@@ -10,7 +10,6 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.corrections import FusedMap
 from smartmesh_ros.terrain.deck import Deck
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.grid_track import GridTrack, RigidMotion
@@ -143,6 +142,6 @@ STATE_TYPES: dict[str, type] = {
     each.__name__: each
     for each in (
         *(Terrain, Deck, HeightMap, TriangleMesh),
-        *(GridGeometry, MotionConfig, GridTrack, RigidMotion, FusedMap, Material),
+        *(GridGeometry, MotionConfig, GridTrack, RigidMotion, Material),
     )
 }
