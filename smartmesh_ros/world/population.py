@@ -11,14 +11,12 @@ from numpy.typing import ArrayLike
 
 from smartmesh_ros.errors import InputError, as_float, require_body_name
 from smartmesh_ros.ground.bullet import undone
-from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.followers import Belt, Follower, Followers
-from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.limits import require_possible
 from smartmesh_ros.ground.shapes import Shape, Solid, Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain.surface_query import GroundSamples, checked_rays
-from smartmesh_ros.world.bodies import Body, BodyFactory
+from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.body_rays import RayHits, cast_rays, require_bodies
 from smartmesh_ros.world.driving import Driving
 from smartmesh_ros.world.link_frames import frame_state
@@ -31,19 +29,8 @@ class Population(Driving):
     robots, and remote bodies (``guests``). ``note`` tells the user what a robot's
     description was taken as, ``say`` what may be wrong."""
 
-    time: float
     guests: Any  # the `Guests`, which know this class
-    say: Callable[[str], object] = logging.getLogger("smartmesh_ros").warning
     note: Callable[[str], object] = logging.getLogger("smartmesh_ros").info
-
-    def _begin(self, client: Any, ground: Ground, physics: PhysicsConfig) -> None:
-        """Start without bodies."""
-        self.bodies: dict[str, Body] = {}
-        self.client = client
-        self.ground = ground
-        self._factory = BodyFactory(client, physics)
-        self._efforts, self._stiff, self._undamped = {}, {}, 0
-        self._set_ends({})
 
     def spawn(
         self,
