@@ -46,6 +46,8 @@ class Deck(Tiles):
     passes below: the deck is solid down to any depth, as a height map at rest is.
     """
 
+    _CORE = CORE.Deck
+
     def __init__(
         self,
         single: MainMesh | None = None,
@@ -54,11 +56,10 @@ class Deck(Tiles):
         position: ArrayLike = (0.0, 0.0, 0.0),
         orientation: ArrayLike = LEVEL,
     ) -> None:
-        self.thickness = as_float(thickness)
-        require(self.thickness >= 0.0, "thickness", "the thickness of a deck", thickness, "zero or more [m]")
         self.body, self.link, self._place = -1, -1, pose_of((0.0, 0.0, 0.0), LEVEL)
         self._last = -math.inf  # time of the last pose [s]; -infinity = it was never moved
         super().__init__(single)
+        self.thickness = thickness
         self._put(-math.inf, pose_of(position, orientation))
 
     def __getstate__(self) -> dict[str, Any]:
@@ -74,8 +75,8 @@ class Deck(Tiles):
 
     def take_state(self, state: dict[str, Any]) -> None:
         """Be the deck of a state, with PyBullet's numbers of its carrier."""
-        self.thickness, self._last = float(state["thickness"]), float(state["last"])
         super().__setstate__(state)
+        self.thickness, self._last = state["thickness"], float(state["last"])
         self.core.recall(state["motion"])
         body, link, place = state["carrier"]
         self.ride(body, link, place[:3], place[3:])
@@ -144,10 +145,15 @@ class Deck(Tiles):
         """Return True if the frame may move at ``time`` [s]."""
         return bool(self.core.moves(time))
 
-    def _new_core(self) -> Any:
-        made = CORE.Deck()
-        made.thickness = self.thickness
-        return made
+    @property
+    def thickness(self) -> float:
+        """How far below the deck the middle of a body is that still touches it [m]; may be assigned."""
+        return float(self.core.thickness)
+
+    @thickness.setter
+    def thickness(self, thickness: float) -> None:
+        require(as_float(thickness) >= 0.0, "thickness", "the thickness of a deck", thickness, "zero or more [m]")
+        self.core.thickness = float(thickness)
 
     def _put(self, time: float, pose: FloatArray, given: FloatArray | None = None) -> None:
         self._last = time

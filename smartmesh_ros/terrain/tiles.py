@@ -23,6 +23,8 @@ class Tiles:
     ``core``: the core's, which the grounds of these tiles read in each step.
     """
 
+    _CORE: Any = CORE.Tiles
+
     def __init__(self, single: MainMesh | None = None) -> None:
         self._begin({})
         if single is not None:
@@ -37,11 +39,8 @@ class Tiles:
 
     def _begin(self, tiles: dict[str, MainMesh]) -> None:
         """Have these tiles, and a core of its own."""
-        self._tiles, self.core = tiles, self._new_core()
+        self._tiles, self.core = tiles, self._CORE()
         self._changed()
-
-    def _new_core(self) -> Any:
-        return CORE.Tiles()
 
     def _changed(self) -> None:
         """Tell the core of tiles that came or went."""
