@@ -78,11 +78,14 @@ class ShownPatches:
             self._layout = self._terrain.layout_revision
             self._core.set_tiles(self._terrain.readers)
         there = np.asarray(np.isfinite(states).all(axis=1))
-        found = [follower for follower in self._followers if not follower.remote and there[follower.slot]]
-        slots = np.array([follower.slot for follower in found], np.int64)
+        there[[follower.slot for follower in self._followers if follower.remote]] = False
+        slots = np.flatnonzero(there)
+        found = [self._followers[slot] for slot in slots.tolist()]
         bodies = np.full(len(states), -1, np.int64)  # that may carry decks, which they do not touch
+        if self._terrain.decks:
+            bodies[slots] = [follower.body for follower in found]
         tracked = np.zeros(len(states), bool)
-        bodies[slots], tracked[slots] = [it.body for it in found], [not it.solid for it in found]
+        tracked[[follower.slot for follower in found if not follower.solid]] = True
         with self._stopwatch.stage("search"):
             self._core.search([it.shape for it in found], states, slots, tracked, bodies, time, AHEAD, FARTHEST)
         with self._stopwatch.stage("collect"):
