@@ -8,29 +8,37 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from smartmesh_ros.errors import InputError
-    from smartmesh_ros.ground.config import PhysicsConfig
-    from smartmesh_ros.ground.ground import Ground
-    from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Sphere
-    from smartmesh_ros.ground.state import BodyState
-    from smartmesh_ros.soil.config import SoilType
-    from smartmesh_ros.soil.soil import Soil
-    from smartmesh_ros.terrain.deck import Deck
-    from smartmesh_ros.terrain.grid import GridGeometry
-    from smartmesh_ros.terrain.height_scan import HeightScan
-    from smartmesh_ros.terrain.heightmap import HeightMap
-    from smartmesh_ros.terrain.material import Material
-    from smartmesh_ros.terrain.motion import MotionConfig
-    from smartmesh_ros.terrain.terrain import Terrain
-    from smartmesh_ros.world.base import Base, BaseOdometry
-    from smartmesh_ros.world.base_config import BaseConfig
-    from smartmesh_ros.world.driving import Carrier
-    from smartmesh_ros.world.height_scanner import HeightScanner
-    from smartmesh_ros.world.imu import Imu, ImuConfig, ImuReading
-    from smartmesh_ros.world.joints import JointCommand
-    from smartmesh_ros.world.snapshot import Snapshot
-    from smartmesh_ros.world.world import World, WorldConfig
+    from smartmesh_ros.errors import InputError as InputError
+    from smartmesh_ros.ground.config import PhysicsConfig as PhysicsConfig
+    from smartmesh_ros.ground.ground import Ground as Ground
+    from smartmesh_ros.ground.shapes import Box as Box
+    from smartmesh_ros.ground.shapes import Capsule as Capsule
+    from smartmesh_ros.ground.shapes import Cylinder as Cylinder
+    from smartmesh_ros.ground.shapes import Sphere as Sphere
+    from smartmesh_ros.ground.state import BodyState as BodyState
+    from smartmesh_ros.soil.config import SoilType as SoilType
+    from smartmesh_ros.soil.soil import Soil as Soil
+    from smartmesh_ros.terrain.deck import Deck as Deck
+    from smartmesh_ros.terrain.grid import GridGeometry as GridGeometry
+    from smartmesh_ros.terrain.height_scan import HeightScan as HeightScan
+    from smartmesh_ros.terrain.heightmap import HeightMap as HeightMap
+    from smartmesh_ros.terrain.material import Material as Material
+    from smartmesh_ros.terrain.motion import MotionConfig as MotionConfig
+    from smartmesh_ros.terrain.terrain import Terrain as Terrain
+    from smartmesh_ros.world.base import Base as Base
+    from smartmesh_ros.world.base import BaseOdometry as BaseOdometry
+    from smartmesh_ros.world.base_config import BaseConfig as BaseConfig
+    from smartmesh_ros.world.driving import Carrier as Carrier
+    from smartmesh_ros.world.height_scanner import HeightScanner as HeightScanner
+    from smartmesh_ros.world.imu import Imu as Imu
+    from smartmesh_ros.world.imu import ImuConfig as ImuConfig
+    from smartmesh_ros.world.imu import ImuReading as ImuReading
+    from smartmesh_ros.world.joints import JointCommand as JointCommand
+    from smartmesh_ros.world.snapshot import Snapshot as Snapshot
+    from smartmesh_ros.world.world import World as World
+    from smartmesh_ros.world.world import WorldConfig as WorldConfig
 
+# The modules of the public names.
 _MODULES = {
     "errors": ("InputError",),
     "ground.config": ("PhysicsConfig",),
@@ -57,37 +65,7 @@ _MODULES = {
 }
 _MODULE_OF = {name: f"{__name__}.{module}" for module, names in _MODULES.items() for name in names}
 
-__all__ = [
-    "Base",
-    "BaseConfig",
-    "BaseOdometry",
-    "BodyState",
-    "Box",
-    "Capsule",
-    "Carrier",
-    "Cylinder",
-    "Deck",
-    "GridGeometry",
-    "Ground",
-    "HeightMap",
-    "HeightScan",
-    "HeightScanner",
-    "Imu",
-    "ImuConfig",
-    "ImuReading",
-    "InputError",
-    "JointCommand",
-    "Material",
-    "MotionConfig",
-    "PhysicsConfig",
-    "Snapshot",
-    "Soil",
-    "SoilType",
-    "Sphere",
-    "Terrain",
-    "World",
-    "WorldConfig",
-]
+__all__ = list(_MODULE_OF)
 
 
 def __dir__() -> list[str]:

@@ -43,7 +43,6 @@ class AttachedBodies:
         self.stopwatch = stopwatch or Stopwatch()
         self.followers = Followers()
         self._soil: Soil | None = None
-        self._soil_revision = 0  # of the places of soils that bodies stand on
         self._shown: ShownGround | None = None
         self._printed = math.nan  # time at which prints of the soil were written into its map [s]
         self.contacts = self._new_contacts()
@@ -98,14 +97,14 @@ class AttachedBodies:
             raise InputError("unknown_body", f"body {body} is a piece of this ground; attach what stands on it")
         self._drop_gone()
         shapes = shapes_of(self._client, body, link, shape, radius)
-        made = [Follower(body, each, record, solid) for each, record in shapes.items()]
+        made = [Follower(body, each, record, solid, own=solid) for each, record in shapes.items()]
         self.followers.require_new(body, list(shapes))
         if not len(self.followers):
             self.contacts.begin(self.clock, time_step_of(self._client))
         added: list[int] = []
         with undone(lambda: self._take_off(added)):
             for follower in made:
-                self.followers.add(follower, own=solid)
+                self.followers.add(follower)
                 with undone(partial(self.followers.remove, follower.slot)):
                     self.contacts.attach(follower)
                 added.append(follower.slot)
@@ -113,7 +112,7 @@ class AttachedBodies:
 
     def is_ground(self, body: int) -> bool:
         """Return True if a PyBullet body stands for the ground, such as the other body of a contact point."""
-        return self.contacts.is_ground(body)
+        return bool(self.contacts.core.is_ground(body))
 
     def detach(self, body: int) -> None:
         """Take ``body`` and its links off the ground. A body that is removed from PyBullet is taken off by itself."""
@@ -158,8 +157,9 @@ class AttachedBodies:
 
     def set_owner(self, slot: int, *, own: bool, remote: bool) -> None:
         """Note whether this world moves a follower, and whether another node simulates it."""
-        self.followers.set_owner(slot, own=own, remote=remote)
-        self.contacts.note_kind(slot)
+        follower = self.followers[slot]
+        follower.own, follower.remote = follower.own and own, remote
+        self.contacts.note_kind(follower)
 
     def let_sleep(self, config: SleepConfig | None = SleepConfig()) -> None:  # noqa: B008 - it is frozen
         """Wake all bodies, and let those at rest sleep from now on; None = nobody.
@@ -184,10 +184,10 @@ class AttachedBodies:
     def note_remote_states(self, bodies: list[int], states: FloatArray) -> None:
         """Note that bodies of other nodes are about to be set to states (n, 13). They sleep only while their owners say
         that they are at rest."""
-        followers = self.followers
-        slots = np.array([followers.of(body)[0] for body in bodies], np.int64)
+        slots = np.array([self.followers.of(body)[0] for body in bodies], np.int64)
         jumps = np.linalg.norm(states[:, :3] - self.contacts.states_of(slots)[:, :3], axis=1)
-        active = slots[states[:, 7:13].any(axis=1) | ~(jumps <= followers.radii[slots])]
+        radii = [self.followers[slot].radius for slot in slots.tolist()]
+        active = slots[states[:, 7:13].any(axis=1) | ~(jumps <= radii)]
         self.contacts.wake(active.tolist())
 
     def close(self) -> None:
@@ -235,8 +235,8 @@ class AttachedBodies:
         if soil is not None and not self._has(soil.map):
             raise InputError("soil", "the map of the soil is no tile of this ground's terrain")
         self.wake()
-        self.contacts.set_soil(None if soil is None else soil.core)
-        self._soil, self._soil_revision = soil, 0 if soil is None else soil.map.soil_revision
+        self.contacts.core.set_soil(None if soil is None else soil.core)
+        self._soil = soil
 
     def check_soil(self) -> None:
         """Take the soil away if its map is gone; wake what rests on it if other soils lie there."""
@@ -245,9 +245,7 @@ class AttachedBodies:
         if not self._has(self.soil.map):
             log.warning("the map of the soil is no tile any more: bodies stand on the maps themselves")
             self.set_soil(None)
-        elif self.soil.map.soil_revision != self._soil_revision:
-            self._soil_revision = self.soil.map.soil_revision
-            self.soil.take_kinds()
+        elif self.soil.take_kinds():
             self.wake()
 
     def on_soil(self) -> dict[str, SoilSupport]:

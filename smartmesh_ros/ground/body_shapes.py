@@ -63,7 +63,11 @@ def shapes_of(
     if not found:
         raise InputError("geometry", f"body {body} has no collision shape, so nothing of it could touch the ground")
     if link is not None and link not in found:
-        raise _no_shape(client, body, link, list(found))
+        known = ", ".join(f"{other} {link_name(client, body, other)!r}" for other in found)
+        raise InputError(
+            "geometry", f"link {link} {link_name(client, body, link)!r} of body {body} has no collision shape; links "
+            f"that have one: {known}. Without a link, the whole robot is attached"
+        )  # fmt: skip
     if link is not None:
         found = {link: found[link]}
     for each, made in found.items():
@@ -72,15 +76,6 @@ def shapes_of(
                 "geometry", f"the radius of body {body}, link {each} is {made.radius} m; it must be above zero"
             )
     return found
-
-
-def _no_shape(client: Any, body: int, link: int, links: list[int]) -> InputError:
-    known = ", ".join(f"{other} {link_name(client, body, other)!r}" for other in links)
-    return InputError(
-        "geometry",
-        f"link {link} {link_name(client, body, link)!r} of body {body} has no collision shape; links that have one: "
-        f"{known}. Without a link, the whole robot is attached",
-    )
 
 
 def link_name(client: Any, body: int, link: int) -> str:

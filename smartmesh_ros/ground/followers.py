@@ -5,16 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import Any
-
-import numpy as np
 
 from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.errors import InputError, as_float
 from smartmesh_ros.ground.limits import FARTHEST_BODY, FASTEST
-from smartmesh_ros.ground.slot_tables import with_rows
 from smartmesh_ros.ground.state import Vector
-from smartmesh_ros.terrain.grid import BoolArray, FloatArray, IntArray
 from smartmesh_ros.terrain.motion import next_revision
 
 # Shortest axis [any unit].
@@ -46,23 +41,22 @@ class Belt:
             )
 
 
-# ``alive``: the slot is in use. ``solid``: collides with the ground; otherwise only the patch is computed. ``own``: may
-# be lifted out of the ground, because this world moves it. ``remote``: another node simulates it.
-FOLLOWER = np.dtype((np.record, [(name, np.bool_) for name in ("alive", "solid", "own", "remote")]))
-
-
 @dataclass(eq=False)
 class Follower:
     """An attached body or link, with a patch under it.
 
-    ``solid``: as in ``FOLLOWER``. ``name``: for outputs; links are ``robot/link``. ``slot``: its row in the tables of
-    `Followers`. ``collider``: PyBullet body that is its ground, None = none. ``belt``: how its surface moves.
+    ``solid``: collides with the ground; otherwise only the patch is computed. ``own``: may be lifted out of the ground,
+    because this world moves it. ``remote``: another node simulates it. ``name``: for outputs; links are ``robot/link``.
+    ``slot``: its number among `Followers`. ``collider``: PyBullet body that is its ground, None = none. ``belt``: how
+    its surface moves.
     """
 
     body: int
     link: int
     shape: BodyShape
     solid: bool
+    own: bool = False
+    remote: bool = False
     name: str = ""
     slot: int = -1
     collider: int | None = None
@@ -75,16 +69,11 @@ class Follower:
 
 
 class Followers:
-    """The attached bodies and links by slot; iteration is over those in use, by slot.
-
-    Arrays with a row for each slot: ``table``, records of ``FOLLOWER``; ``radii``, about the centres of mass [m].
-    ``epoch`` changes when a follower is added or removed.
-    """
+    """The attached bodies and links by slot; iteration is over those in use, by slot. ``epoch`` changes when a follower
+    is added or removed."""
 
     def __init__(self) -> None:
         self.epoch = next_revision()
-        self.table: Any = np.zeros(0, FOLLOWER)
-        self.radii: FloatArray = np.empty(0)
         self._items: list[Follower | None] = []
         self._unused: list[int] = []
         self._slots: dict[int, list[int]] = {}  # by PyBullet body
@@ -103,12 +92,8 @@ class Followers:
 
     @property
     def capacity(self) -> int:
-        """Number of rows of the tables."""
-        return len(self.table)
-
-    def flags(self, name: str) -> BoolArray:
-        """Return a contiguous copy of a field of ``table`` (S,), as the core takes it."""
-        return np.array(self.table[name])
+        """Number of slots, in use or not."""
+        return len(self._items)
 
     @property
     def names(self) -> list[str]:
@@ -123,7 +108,7 @@ class Followers:
                     "duplicate_id", f"body {body}, link {self[slot].link} is attached already; detach it first"
                 )
 
-    def add(self, follower: Follower, *, own: bool) -> None:
+    def add(self, follower: Follower) -> None:
         """Give a follower a slot; its body and link must have none."""
         slots = self._slots.setdefault(follower.body, [])
         if self._unused:
@@ -131,18 +116,10 @@ class Followers:
         else:
             slot = len(self._items)
             self._items.append(None)
-            self._grow(slot + 1)
         follower.slot = slot
         slots.append(slot)
         self._items[slot] = follower
-        self.table[slot] = (True, follower.solid, own, False)
-        self.radii[slot] = follower.radius
         self.epoch = next_revision()
-
-    def set_owner(self, slot: int, *, own: bool, remote: bool) -> None:
-        """Note whether this world moves a follower, and whether another node simulates it."""
-        self.table["own"][slot] &= own
-        self.table["remote"][slot] = remote
 
     def remove(self, slot: int) -> None:
         """Free a slot."""
@@ -151,7 +128,6 @@ class Followers:
         if not slots:
             del self._slots[self[slot].body]
         self._items[slot] = None
-        self.table[slot] = False
         self._unused.append(slot)
         self.epoch = next_revision()
 
@@ -162,12 +138,3 @@ class Followers:
     def at(self, body: int, link: int) -> Follower | None:
         """Return the follower of a PyBullet body's link, None if it is not attached."""
         return next((self[slot] for slot in self.of(body) if self[slot].link == link), None)
-
-    @property
-    def tracked(self) -> IntArray:
-        """Slots of the followers without colliders."""
-        return np.flatnonzero(self.table["alive"] & ~self.table["solid"])
-
-    def _grow(self, slots: int) -> None:
-        self.table = with_rows(self.table, slots, False)
-        self.radii = with_rows(self.radii, slots, 0.0)

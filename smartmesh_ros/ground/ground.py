@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 from smartmesh_ros.ground.body_shapes import require_body
 from smartmesh_ros.ground.saved_bodies import SavedBodies
 from smartmesh_ros.ground.shown_patches import ShownPatches
-from smartmesh_ros.ground.state import BODY_COLUMNS
 from smartmesh_ros.terrain.checked_heights import checked_time
 from smartmesh_ros.terrain.deck import LEVEL
 from smartmesh_ros.terrain.surface_query import (
@@ -72,10 +71,7 @@ class Ground(SavedBodies):
 
     def find_patches(self, time: float) -> ShownPatches:
         """Return the patches of the bodies as they are now, on the ground at ``time`` [s]."""
-        slots = np.flatnonzero(self.followers.table["alive"])
-        states = np.full((self.followers.capacity, BODY_COLUMNS), np.nan)
-        states[slots] = self.contacts.states_of(slots)
-        self.patches.find(states, checked_time(time))
+        self.patches.find(self.contacts.states_of(np.arange(self.followers.capacity)), checked_time(time))
         return self.patches
 
     def carry(

@@ -20,7 +20,6 @@ from smartmesh_ros.ground.config import SleepConfig, require_time_step
 from smartmesh_ros.ground.followers import Follower, Followers
 from smartmesh_ros.ground.layout_probe import misread, number_of
 from smartmesh_ros.ground.shown_ground import FAR_AWAY
-from smartmesh_ros.ground.state import BODY_COLUMNS
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import Terrain
 
@@ -74,7 +73,7 @@ class MapContacts:
             raise InputError("geometry", f"body {follower.body} cannot stand on the ground: {error}") from None
         if follower.solid:
             follower.collider = proxy
-        self.note_kind(follower.slot)
+        self.note_kind(follower)
         if follower.belt.speed:
             self.drive(follower)
 
@@ -85,7 +84,7 @@ class MapContacts:
             for slot in slots:
                 follower = self._followers[slot]
                 if self.core.is_there:
-                    if follower.collider is not None and self.is_ground(follower.collider):
+                    if follower.collider is not None and self.core.is_ground(follower.collider):
                         self._client.removeBody(follower.collider)
                     self.core.detach(slot)
                 follower.collider = None
@@ -96,10 +95,9 @@ class MapContacts:
         for slot in slots:
             self.attach(self._followers[slot])
 
-    def note_kind(self, slot: int) -> None:
+    def note_kind(self, follower: Follower) -> None:
         """Tell the core who moves a follower."""
-        it = self._followers.table[slot]
-        self.core.set_kind(slot, bool(it["solid"]), bool(it["own"]), bool(it["remote"]))
+        self.core.set_kind(follower.slot, follower.solid, follower.own, follower.remote)
 
     def begin(self, time: float, dt: float) -> bool:
         """Set the time [s] at the start of the next step of ``dt`` [s]; returns True if bodies may have been removed
@@ -133,45 +131,28 @@ class MapContacts:
         """Move the surface of a follower by its belt."""
         self.core.drive(follower.slot, follower.belt.axis, follower.belt.speed)
 
-    def set_soil(self, soil: Any) -> None:
-        """Take contacts from a core's soil where its map is; None = from the map itself."""
-        self.require_client()
-        self.core.set_soil(soil)
-
-    def memory(self, slots: list[int]) -> dict[str, Any]:
+    def memory(self, slots: list[int]) -> tuple[FloatArray, list[FloatArray]]:
         """Return what is known of the past of followers beside their contacts: for how long they were still and where,
         and their parts on the soil."""
-        table = self.core.memory_of(np.array(slots, np.int64))
-        return {"slots": table, "parts": [self.core.parts_memory(slot) for slot in slots]}
+        table, parts = self.core.memory(np.array(slots, np.int64))
+        return table, parts
 
-    def recall(self, slots: list[int], memory: dict[str, Any]) -> None:
+    def recall(self, slots: list[int], memory: tuple[FloatArray, list[FloatArray]]) -> None:
         """Take over what `memory` returned, in the same order. Raises `InputError` if it is none of these followers."""
         try:
-            self.core.recall(np.array(slots, np.int64), memory["slots"])
-            for slot, parts in zip(slots, memory["parts"], strict=True):
-                self.core.recall_parts(slot, parts)
+            self.core.recall(np.array(slots, np.int64), *memory)
         except (TypeError, ValueError) as error:
             raise InputError("state", f"a saved state is none of these bodies: {error}") from None
-
-    def forget(self) -> None:
-        """Forget the past of all bodies: contacts, their impulses and order, rest. Poses and velocities stay."""
-        self.require_client()
-        self.core.forget()
 
     def require_client(self) -> None:
         """Raise `InputError` if the client was reset or closed, and PyBullet's error if a step failed in the core."""
         if fault := self.core.take_fault():
             raise pb.error(f"in a step of PyBullet a body had no contacts with the ground: {fault}")
 
-    def is_ground(self, body: int) -> bool:
-        """Return True if a PyBullet body stands for the ground: a proxy, or a tile that is drawn."""
-        return bool(self.core.is_ground(body))
-
     def states_of(self, slots: IntArray) -> FloatArray:
-        """Return the states (n, 13) of followers, asleep or not, as they are now; NaN for bodies that are gone."""
-        states = np.empty((self._followers.capacity, BODY_COLUMNS))
-        self.core.read(slots, states)
-        return np.asarray(states[slots])
+        """Return the states (n, 13) of followers, asleep or not, as they are now; NaN in slots that nobody has, and for
+        bodies that are gone."""
+        return np.asarray(self.core.read(slots))
 
     def close(self) -> None:
         """Leave the client, from which all followers are detached."""

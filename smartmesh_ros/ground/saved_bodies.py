@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -17,8 +17,9 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.attached_bodies import AttachedBodies
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.followers import Belt
+from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain import state_file
-from smartmesh_ros.terrain.terrain import STATE_TYPES
+from smartmesh_ros.terrain.terrain import STATE_TYPES, Terrain
 
 KIND = "Ground"
 TYPES = {**STATE_TYPES, Belt.__name__: Belt}
@@ -38,7 +39,9 @@ class SavedBodies(AttachedBodies):
         written.
         """
         with self._hidden():
-            data = self._state()
+            self._require_exact()
+            self._drop_gone()
+            data = state_file.to_bytes(KIND, {**self.laid(), **self._memory(), "links": self._links})
         if file is not None:
             state_file.write(data, file)
         self.restore_state(data)
@@ -62,31 +65,38 @@ class SavedBodies(AttachedBodies):
     def _replace(self, tree: dict[str, Any]) -> None:
         """Take a state that was read; on an error everything is as before."""
         before = self._memory()
-        with state_file.foreign_refused(), undone(lambda: self._recall(before)):
-            undo = self.terrain.become(tree["terrain"])
-            with undone(self._soil_undone()), undone(undo):
-                if self.soil is not None:
-                    self.soil.become(self.terrain, tree["soil"], tree["tile"])
-                self._recall(tree)
+        laid = tree["terrain"], tree["soil"], tree["tile"]
+        with state_file.foreign_refused(), undone(lambda: self._recall(before)), self.other_terrain(*laid):
+            self._recall(tree)
+
+    @contextmanager
+    def other_terrain(self, terrain: Terrain, soil: dict[str, Any] | None, tile: str) -> Iterator[Soil | None]:
+        """Take the terrain and the soil on a ``tile`` of a state for the block, which gets the soil; they are as before
+        if it raises."""
+        found = self.soil
+        known = {} if found is None else dict(vars(found))
+        with self.terrain.unchanged(), undone(lambda: None if found is None else vars(found).update(known)):
+            self.terrain.become(terrain)
+            if soil is None:
+                yield None
+            elif found is None:
+                yield Soil.from_state(self.terrain, soil, tile)
+            else:
+                found.become(self.terrain, soil, tile)
+                yield found
 
     def forget(self) -> None:
         """Forget the past of all bodies but poses and velocities: contacts, their impulses and order, rest, and how the
         soil was sheared; what sleeps wakes. Worlds that are equal then evolve equally, even with different pasts."""
-        self.contacts.forget()
+        self.contacts.require_client()
+        self.contacts.core.forget()
         self._printed = math.nan
 
-    def _state(self) -> bytes:
-        self._require_exact()
-        self._drop_gone()
+    def laid(self) -> dict[str, Any]:
+        """Return the terrain and the soil on it, as `other_terrain` takes them."""
         self.check_soil()
-        tree = {
-            **self._memory(),
-            "links": self._links,
-            "terrain": self.terrain,
-            "soil": None if self.soil is None else self.soil.state(),
-            "tile": self.tile_of_soil,
-        }
-        return state_file.to_bytes(KIND, tree)
+        soil = None if self.soil is None else self.soil.state()
+        return {"terrain": self.terrain, "soil": soil, "tile": self.tile_of_soil}
 
     @property
     def tile_of_soil(self) -> str:
@@ -111,24 +121,18 @@ class SavedBodies(AttachedBodies):
         """Let PyBullet and the core know what `_memory` returned, and nothing else of the past."""
         contacts = self.contacts
         contacts.core.time = known["time"]
-        contacts.set_soil(None)  # restoring finds contacts, which must not press the soil
+        contacts.core.set_soil(None)  # restoring finds contacts, which must not press the soil
         # The order of contacts depends on earlier positions of the bodies, which the first restoring replaces.
         _restore_bullet(self._client, known["bullet"])
-        contacts.forget()
+        contacts.core.forget()
         _restore_bullet(self._client, known["bullet"])
-        self._soil_revision = 0 if self.soil is None else self.soil.map.soil_revision
-        contacts.set_soil(None if self.soil is None else self.soil.core)
+        contacts.core.set_soil(None if self.soil is None else self.soil.core)
         for follower, belt in zip(self.followers, known["belts"], strict=True):
             follower.belt = belt
             if follower.solid:
                 contacts.drive(follower)
         contacts.recall([follower.slot for follower in self.followers], known["memory"])
         self._printed = math.nan  # the next update writes prints of the soil, as if there had been none
-
-    def _soil_undone(self) -> Callable[[], None]:
-        """Return what makes the soil be as it is now."""
-        known = None if self.soil is None else dict(vars(self.soil))
-        return lambda: None if known is None else vars(self.soil).update(known)
 
     def _require_exact(self) -> None:
         """Raise `InputError` if a state of these contacts cannot be saved."""

@@ -37,6 +37,7 @@ class _Shape(ABC):
     """Checks that every dimension is within the limits [m]."""
 
     kind: ClassVar[ShapeKind]
+    geometry: ClassVar[int]  # in PyBullet
     centre: Vector = CENTRED
 
     def __post_init__(self) -> None:
@@ -53,6 +54,10 @@ class _Shape(ABC):
     def body_shape(self) -> BodyShape:
         """The shape about the body's centre of mass."""
 
+    def bullet(self) -> dict[str, Any]:
+        """Arguments of ``createCollisionShape``."""
+        return {"shapeType": self.geometry, **self.dimensions}
+
     @property
     def bounding_radius(self) -> float:
         """Bounding radius about the centre of mass [m]."""
@@ -68,23 +73,19 @@ def _names(made: type[_Shape]) -> list[str]:
 class Sphere(_Shape):
     """A sphere."""
 
-    kind: ClassVar[ShapeKind] = ShapeKind.BALL
+    kind, geometry = ShapeKind.BALL, pb.GEOM_SPHERE
     radius: float
 
     @property
     def body_shape(self) -> BodyShape:
         return BodyShape.ball(self.radius)
 
-    def bullet(self) -> dict[str, Any]:
-        """Arguments of ``createCollisionShape``."""
-        return {"shapeType": pb.GEOM_SPHERE, "radius": self.radius}
-
 
 @dataclass(frozen=True)
 class Box(_Shape):
     """A box of edge lengths x, y, z; ``centre`` is the position of its middle relative to the centre of mass [m]."""
 
-    kind: ClassVar[ShapeKind] = ShapeKind.BOX
+    kind, geometry = ShapeKind.BOX, pb.GEOM_BOX
     x: float
     y: float
     z: float
@@ -102,16 +103,15 @@ class Box(_Shape):
         return BodyShape.box((self.x, self.y, self.z), self.centre)
 
     def bullet(self) -> dict[str, Any]:
-        """Arguments of ``createCollisionShape``."""
         half = [0.5 * self.x, 0.5 * self.y, 0.5 * self.z]
-        return {"shapeType": pb.GEOM_BOX, "halfExtents": half, "collisionFramePosition": self.centre}
+        return {"shapeType": self.geometry, "halfExtents": half, "collisionFramePosition": self.centre}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cylinder(_Shape):
     """A cylinder along z."""
 
-    kind: ClassVar[ShapeKind] = ShapeKind.CYLINDER
+    kind, geometry = ShapeKind.CYLINDER, pb.GEOM_CYLINDER
     height: float
     radius: float
 
@@ -119,16 +119,12 @@ class Cylinder(_Shape):
     def body_shape(self) -> BodyShape:
         return BodyShape.cylinder(self.radius, self.height)
 
-    def bullet(self) -> dict[str, Any]:
-        """Arguments of ``createCollisionShape``."""
-        return {"shapeType": pb.GEOM_CYLINDER, "radius": self.radius, "height": self.height}
-
 
 @dataclass(frozen=True, kw_only=True)
 class Capsule(_Shape):
     """A capsule along z; ``height`` is the distance between the centres of its two half spheres."""
 
-    kind: ClassVar[ShapeKind] = ShapeKind.CAPSULE
+    kind, geometry = ShapeKind.CAPSULE, pb.GEOM_CAPSULE
     height: float
     radius: float
 
@@ -136,16 +132,12 @@ class Capsule(_Shape):
     def body_shape(self) -> BodyShape:
         return BodyShape.capsule(self.radius, self.height)
 
-    def bullet(self) -> dict[str, Any]:
-        """Arguments of ``createCollisionShape``."""
-        return {"shapeType": pb.GEOM_CAPSULE, "radius": self.radius, "height": self.height}
-
 
 @dataclass(frozen=True)
 class Hull(_Shape):
     """The convex hull of four ``vertices`` or more, about the position of a tracked body [m]."""
 
-    kind: ClassVar[ShapeKind] = ShapeKind.HULL
+    kind, geometry = ShapeKind.HULL, pb.GEOM_MESH
     vertices: tuple[Vector, ...]
 
     def __post_init__(self) -> None:
@@ -168,8 +160,7 @@ class Hull(_Shape):
         return box_around(np.min(self.vertices, axis=0), np.max(self.vertices, axis=0))
 
     def bullet(self) -> dict[str, Any]:
-        """Arguments of ``createCollisionShape``."""
-        return {"shapeType": pb.GEOM_MESH, "vertices": self.vertices}
+        return {"shapeType": self.geometry, "vertices": self.vertices}
 
 
 Shape = Sphere | Box | Cylinder | Capsule

@@ -116,7 +116,10 @@ class ShownGround:
             shown.mesh, shown.revision, shown.moved = mesh, mesh.revision, mesh.moving(time)
             self._client.resetBasePositionAndOrientation(shown.uid, *shown.pose)
         for name in frames.keys() & self._tiles.keys():
-            self._ride(self._tiles[name], frames[name])
+            shown, frame = self._tiles[name], frames[name]
+            x, y, z = frame.position.tolist()
+            pose = Transform((x, y, z), quaternion_of(frame.rotation)).then(shown.pose)
+            self._client.resetBasePositionAndOrientation(shown.uid, *pose)
         self._drawn = time
 
     def hide(self) -> None:
@@ -149,12 +152,6 @@ class ShownGround:
             shown.friction = heightmap.friction
             friction = np.broadcast_to(np.asarray(shown.friction, np.float32), heightmap.heights.shape)
             self._colour(shown.uid, ground_colours(friction[np.ix_(rows, columns)]))
-
-    def _ride(self, shown: ShownTile, frame: Frame) -> None:
-        """Put a tile where the frame of its deck is."""
-        x, y, z = frame.position.tolist()
-        pose = Transform((x, y, z), quaternion_of(frame.rotation)).then(shown.pose)
-        self._client.resetBasePositionAndOrientation(shown.uid, *pose)
 
     def _takes(self, name: str, mesh: TriangleMesh) -> bool:
         """Return True if PyBullet can show a mesh; say so once if it cannot."""

@@ -77,16 +77,17 @@ class ShownPatches:
         if self._layout != self._terrain.layout_revision:
             self._layout = self._terrain.layout_revision
             self._core.set_tiles(self._terrain.readers)
-        followers = self._followers
-        chosen = followers.table["alive"] & ~followers.table["remote"] & np.isfinite(states).all(axis=1)
-        slots = np.flatnonzero(chosen)
+        there = np.asarray(np.isfinite(states).all(axis=1))
+        there[[follower.slot for follower in self._followers if follower.remote]] = False
+        slots = np.flatnonzero(there)
+        found = [self._followers[slot] for slot in slots.tolist()]
         bodies = np.full(len(states), -1, np.int64)  # that may carry decks, which they do not touch
         if self._terrain.decks:
-            bodies[slots] = [followers[slot].body for slot in slots.tolist()]
+            bodies[slots] = [follower.body for follower in found]
+        tracked = np.zeros(len(states), bool)
+        tracked[[follower.slot for follower in found if not follower.solid]] = True
         with self._stopwatch.stage("search"):
-            tracked = followers.table["alive"] & ~followers.table["solid"]
-            shapes = [followers[slot].shape for slot in slots.tolist()]
-            self._core.search(shapes, states, slots, tracked, bodies, time, AHEAD, FARTHEST)
+            self._core.search([it.shape for it in found], states, slots, tracked, bodies, time, AHEAD, FARTHEST)
         with self._stopwatch.stage("collect"):
             self.slots = self._core.collect(slots, time)
 

@@ -76,6 +76,7 @@ class Soil:
             last = len(self.soils) - 1
             raise InputError("soil", f"kinds are up to {places.max()}; they must be places in the list, 0 to {last}")
         self.map.soil = places
+        self._kinds = self.map.soil  # that the core knows
         self.spacing = spacing
         self.core: Any = CORE.Soil(self.map.core_reader, self.map.soil, soil_table(self.soils), spacing)
         self.slip_sinkage = slip_sinkage
@@ -108,10 +109,14 @@ class Soil:
         """Be the soil of such a state, as `from_state`."""
         vars(self).update(vars(Soil.from_state(terrain, state, tile)))
 
-    def take_kinds(self) -> None:
-        """Take which soil each sample of the map is now. Soil of another kind keeps its sinkage, and is pressed anew.
-        `Ground.update` does it."""
+    def take_kinds(self) -> bool:
+        """Take which soil each sample of the map is now; return True if that was assigned since. Soil of another kind
+        keeps its sinkage, and is pressed anew. `Ground.update` does it."""
+        if self._kinds is self.map.soil:
+            return False
+        self._kinds = self.map.soil
         self.core.set_kinds(_kinds_of(self.map))
+        return True
 
     @property
     def slip_sinkage(self) -> bool:

@@ -11,7 +11,7 @@ variance is underestimated; ``growth`` bounds the error.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.checked_heights import dense
 from smartmesh_ros.terrain.grid import overlap
 from smartmesh_ros.terrain.motion import BLOCK
-from smartmesh_ros.terrain.state_file import filled
 
 FloatGrid = NDArray[np.float32]
 
@@ -34,18 +33,8 @@ GROWTH = 1e-6
 GATE = 5.0
 
 
-class FusedMap(NamedTuple):
-    """State of the filter: ``heights`` [m], NaN = not measured yet, and their ``variances`` [m^2].
-
-    Both are (rows, columns), float32 and contiguous. `fuse` changes them in place.
-    """
-
-    heights: FloatGrid
-    variances: FloatGrid
-
-
 def fuse(
-    known: FusedMap,
+    known: tuple[FloatGrid, FloatGrid],
     measured: FloatGrid,
     variance: float | FloatGrid,
     elapsed: float,
@@ -56,6 +45,8 @@ def fuse(
 ) -> None:
     """Update ``known`` in place with heights of the whole map, or of the rectangle whose first sample is ``first``.
 
+    ``known``: state of the filter, heights [m], NaN = not measured yet, and their variances [m^2]; both are (rows,
+    columns), float32 and contiguous.
     ``measured``: heights (h, w) [m]; NaN = not seen, which keeps the height and raises its variance.
     ``variance``: variances of the heights [m^2], one number or (h, w). At zero the measured height replaces the old one
     exactly; heights with a negative or non-finite variance are ignored. ``elapsed``: time since these samples were last
@@ -64,20 +55,7 @@ def fuse(
     """
     seen = dense(measured)
     noises = dense(variance) if isinstance(variance, np.ndarray) else np.full((1, 1), variance, np.float32)
-    CORE.fuse(known.heights, known.variances, first, seen, noises, growth * elapsed, min(gate, 1e18) ** 2)
-
-
-def fused_of(core: Any) -> FusedMap | None:
-    """Return the estimate of a map of the core; None if its heights are not fused."""
-    return None if core.fused is None else FusedMap(*core.fused)
-
-
-def put_fused(core: Any, known: FusedMap) -> None:
-    """Replace the estimate of a map of the core."""
-    if core.fused is None:
-        core.begin_fusion()
-    for array, new in zip(core.fused, known, strict=True):
-        filled(array, new)
+    CORE.fuse(*known, first, seen, noises, growth * elapsed, min(gate, 1e18) ** 2)
 
 
 def fuse_rectangle(
@@ -89,25 +67,24 @@ def fuse_rectangle(
         if isinstance(variance, float) and variance == 0.0:
             return new
         core.begin_fusion()
-    fused = FusedMap(*core.fused)
     (row, column), (high, wide) = first, new.shape
     rows = slice(row // BLOCK, (row + high - 1) // BLOCK + 1)
     columns = slice(column // BLOCK, (column + wide - 1) // BLOCK + 1)
     before = float(clocks["time"][rows, columns].min())
     elapsed = max(time - before, 0.0) if math.isfinite(before) else 0.0
-    fuse(fused, new, variance, elapsed, first)
-    return fused.heights[row : row + high, column : column + wide]
+    fuse(core.fused, new, variance, elapsed, first)
+    heights: FloatGrid = core.fused[0]
+    return heights[row : row + high, column : column + wide]
 
 
 def fuse_across(core: Any, before: Any, cells: tuple[int, int], elapsed: float) -> None:
     """Fuse the estimate of a map of the core with that of the map ``before``, which lies ``cells`` (rows, columns) back
     and is ``elapsed`` [s] older."""
-    measured, earlier = fused_of(core), fused_of(before)
-    if measured is None or earlier is None:
+    if core.fused is None or before.fused is None:
         return
-    shape = measured.heights.shape
-    known = FusedMap(np.full(shape, np.nan, np.float32), np.zeros(shape, np.float32))
-    new, old = overlap(cells, shape)
-    known.heights[new], known.variances[new] = earlier.heights[old], earlier.variances[old]
-    fuse(known, measured.heights, measured.variances, elapsed)
-    put_fused(core, known)
+    heights, variances = core.fused
+    measured, noises = heights.copy(), variances.copy()
+    heights[...], variances[...] = np.nan, 0.0
+    new, old = overlap(cells, heights.shape)
+    heights[new], variances[new] = (layer[old] for layer in before.fused)
+    fuse(core.fused, measured, noises, elapsed)

@@ -46,6 +46,8 @@ class Deck(Tiles):
     passes below: the deck is solid down to any depth, as a height map at rest is.
     """
 
+    _CORE = CORE.Deck
+
     def __init__(
         self,
         single: MainMesh | None = None,
@@ -54,43 +56,30 @@ class Deck(Tiles):
         position: ArrayLike = (0.0, 0.0, 0.0),
         orientation: ArrayLike = LEVEL,
     ) -> None:
-        self.thickness = as_float(thickness)
-        require(self.thickness >= 0.0, "thickness", "the thickness of a deck", thickness, "zero or more [m]")
         self.body, self.link, self._place = -1, -1, pose_of((0.0, 0.0, 0.0), LEVEL)
         self._last = -math.inf  # time of the last pose [s]; -infinity = it was never moved
         super().__init__(single)
+        self.thickness = thickness
         self._put(-math.inf, pose_of(position, orientation))
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**super().__getstate__(), "motion": self.core.memory()}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Make a copy that moves on as the original does; nothing carries it."""
-        state = dict(state)
-        motion = state.pop("motion")
-        super().__setstate__(state)
-        self.core.recall(motion)
-        if self.body >= 0:
-            self.core.carry(self.body, self.link, self._place)
-            self.ride(-1, -1, (0.0, 0.0, 0.0), LEVEL)
-
-    def state(self) -> dict[str, Any]:
-        """Return the whole state of the deck, with PyBullet's numbers of its carrier; see `Tiles.state`."""
         return {
-            **super().state(), "thickness": self.thickness, "motion": self.core.memory(), "last": self._last,
+            **super().__getstate__(), "thickness": self.thickness, "motion": self.core.memory(), "last": self._last,
             "carrier": (self.body, self.link, self._place),
         }  # fmt: skip
 
-    @classmethod
-    def from_state(cls, state: dict[str, Any]) -> Deck:
-        """Return the deck of such a state; raises `InputError` if it is none."""
-        made = cls(thickness=state["thickness"])
-        made.take_state(state)
-        made._last = float(state["last"])
-        made.core.recall(state["motion"])
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make a copy that moves on as the original does; nothing carries it."""
+        self.take_state(state)
+        self.ride(-1, -1, (0.0, 0.0, 0.0), LEVEL)
+
+    def take_state(self, state: dict[str, Any]) -> None:
+        """Be the deck of a state, with PyBullet's numbers of its carrier."""
+        super().__setstate__(state)
+        self.thickness, self._last = state["thickness"], float(state["last"])
+        self.core.recall(state["motion"])
         body, link, place = state["carrier"]
-        made.ride(body, link, place[:3], place[3:])
-        return made
+        self.ride(body, link, place[:3], place[3:])
 
     def move(
         self,
@@ -156,10 +145,15 @@ class Deck(Tiles):
         """Return True if the frame may move at ``time`` [s]."""
         return bool(self.core.moves(time))
 
-    def _new_core(self) -> Any:
-        made = CORE.Deck()
-        made.thickness = self.thickness
-        return made
+    @property
+    def thickness(self) -> float:
+        """How far below the deck the middle of a body is that still touches it [m]; may be assigned."""
+        return float(self.core.thickness)
+
+    @thickness.setter
+    def thickness(self, thickness: float) -> None:
+        require(as_float(thickness) >= 0.0, "thickness", "the thickness of a deck", thickness, "zero or more [m]")
+        self.core.thickness = float(thickness)
 
     def _put(self, time: float, pose: FloatArray, given: FloatArray | None = None) -> None:
         self._last = time

@@ -176,4 +176,5 @@ def _largest(values: tuple[float, ...]) -> float:
 
 def _chord(turn: float) -> float:
     """Return the length of a chord divided by the length of its arc [-], for an arc of ``turn`` [rad]."""
-    return math.sin(0.5 * turn) / (0.5 * turn) if turn else 1.0
+    half = 0.5 * turn  # of the least number it is zero
+    return math.sin(half) / half if half else 1.0

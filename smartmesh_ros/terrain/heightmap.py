@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.terrain.checked_heights import as_points, checked_time, unmasked
-from smartmesh_ros.terrain.corrections import fuse_across, fused_of
+from smartmesh_ros.terrain.corrections import fuse_across
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray, overlap
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest
 from smartmesh_ros.terrain.motion import BLOCK, INSTANT
@@ -76,8 +76,8 @@ class HeightMap(MovingHeights):
             shown = np.empty(self._heights.shape)
             CORE.grid_window(before.core_reader, *cells, before.time, shown)
             fuse_across(self.core_reader, before.core_reader, cells, max(self.time - before.time, 0.0))
-        fused = fused_of(self.core_reader)
-        known = self._heights.copy() if fused is None else fused.heights
+        fused = self.core_reader.fused
+        known = self._heights.copy() if fused is None else fused[0]
         self._heights[...] = shown.reshape(known.shape) - self.geometry.origin[2]
         self._correct(0, 0, known, self.time)
 

@@ -12,11 +12,10 @@ from smartmesh_ros.terrain.material import Material, together
 
 
 class LaidGround:
-    """What a `HeightMap` is made of. ``soil_revision``: changes with every assignment of the soil."""
+    """What a `HeightMap` is made of."""
 
     geometry: GridGeometry
     core_reader: Any
-    soil_revision: int
     _material: Material
     _clocks: NDArray[np.void]
 
@@ -64,8 +63,6 @@ class LaidGround:
 
     def _lay(self, material: Material) -> None:
         """Replace the material by one that was checked."""
-        before, self._material = self._material, material
+        self._material = material
         self._clocks["updates"] += 1  # what rests on the ground looks at it again
         material.tell(self.core_reader)
-        if material.soil is not before.soil:
-            self.soil_revision = int(self.core_reader.revision)

@@ -16,7 +16,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
-from typing import Any, Literal, get_args
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,7 +155,11 @@ class MovingGround(ABC):
     """
 
     version: int
+    core_reader: Any
     _motion: MotionConfig
+    _velocities: NDArray[Any]
+    _offsets: NDArray[Any]
+    _rates: NDArray[Any]
     _clocks: NDArray[np.void]  # records of ``CLOCK``
 
     @abstractmethod
@@ -166,6 +170,11 @@ class MovingGround(ABC):
     @abstractmethod
     def revision(self) -> int:
         """Revision of the last change."""
+
+    def become(self, other: Self) -> None:
+        """Be another one, which must not be used any more."""
+        vars(self).clear()
+        vars(self).update(vars(other))
 
     @property
     def motion(self) -> MotionConfig:
@@ -180,9 +189,20 @@ class MovingGround(ABC):
         self._motion = motion
         self._set_motion()
 
-    def _take_clocks(self, clocks: Any) -> None:
-        """Take the clocks of a saved state; raises `InputError` if they are none of this ground."""
-        filled(self._clocks, clocks)
+    def _moving_state(self) -> dict[str, Any]:
+        """Return what copies and saved states have of the motion."""
+        # Arrays of zeros take no memory, and no bytes.
+        moving = tuple(array if array.any() else None for array in (self._velocities, self._offsets, self._rates))
+        shown = float(self.core_reader.shown)
+        return {"moving": moving, "clocks": self._clocks, "version": self.version, "shown": shown}
+
+    def _take_moving(self, state: dict[str, Any]) -> None:
+        """Take the motion of such a state, but for what is shown; raises `InputError` if it is none of this ground."""
+        for array, kept in zip((self._velocities, self._offsets, self._rates), state["moving"], strict=True):
+            if kept is not None:
+                filled(array, kept)
+        self.version = state["version"]
+        filled(self._clocks, state["clocks"])
         known = self._clocks
         if (
             not ((known["newest"] >= 0) & (known["newest"] < KEPT) & (known["known"] >= 0)).all()

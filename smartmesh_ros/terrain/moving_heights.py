@@ -22,7 +22,7 @@ from smartmesh_ros.terrain.checked_heights import (
     deviation_of,
     unmasked,
 )
-from smartmesh_ros.terrain.corrections import fuse_rectangle, fused_of, put_fused
+from smartmesh_ros.terrain.corrections import fuse_rectangle
 from smartmesh_ros.terrain.grid import GridGeometry, geometry_of
 from smartmesh_ros.terrain.grid_track import GridTrack, at_rest, follow
 from smartmesh_ros.terrain.laid_ground import LaidGround
@@ -76,7 +76,6 @@ class MovingHeights(LaidGround, MovingGround):
         self._deviation: float | None = None  # standard deviation by the last update's variances [m], None = not given
         self.version = 0  # number of updates
         self._material = together(material, friction=friction, soil=soil).checked(shape)
-        self.soil_revision = 0  # changes with every assignment of the soil
         self.track = at_rest(geometry, time)
         self._set_motion()
         self._take(0, 0, new, speeds, time, checked_variance(variance, shape))
@@ -86,35 +85,30 @@ class MovingHeights(LaidGround, MovingGround):
         """Return what a copy of the map, or one in another process, is made of: arrays, and what they mean."""
         prints = self.prints
         return {
+            **self._moving_state(),
             "map": {
                 "geometry": self.geometry,
                 "motion": self.motion,
                 "material": self._material,
             },
             "heights": self._heights,
-            "clocks": self._clocks,
-            # Arrays of zeros take no memory, and no bytes.
-            "others": tuple(array if array.any() else None for array in self._others),
             "track": self.track,
-            "version": self.version,
             "deviation": self._deviation,
-            "shown": float(self.core_reader.shown),
             "settled": float(self.core_reader.settled),
-            "fused": fused_of(self.core_reader),
+            "fused": self.core_reader.fused,
             "prints": None if prints is None else (prints.given, prints.corners),
         }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make the map of such a state."""
         MovingHeights.__init__(self, state["heights"], **state["map"])
-        self._take_clocks(state["clocks"])
-        for array, kept in zip(self._others, state["others"], strict=True):
-            if kept is not None:
-                filled(array, kept)
-        self.track, self.version, self._deviation = state["track"], state["version"], state["deviation"]
+        self._take_moving(state)
+        self.track, self._deviation = state["track"], state["deviation"]
         self.core_reader.settled = state["settled"]
         if state["fused"] is not None:
-            put_fused(self.core_reader, state["fused"])
+            self.core_reader.begin_fusion()
+            for array, kept in zip(self.core_reader.fused, state["fused"], strict=True):
+                filled(array, kept)
         if state["prints"] is not None:
             self.prints = Prints(self._heights)
             given, self.prints.corners = state["prints"]
@@ -136,10 +130,6 @@ class MovingHeights(LaidGround, MovingGround):
         records of ``CLOCK``, one for each block; offsets (rows, columns) [m], old minus new heights of corrections, or
         deviations of shown ground; rates (rows, columns) [m/s] of these."""
         return self._heights, self._velocities, self._clocks, self._offsets, self._rates
-
-    @property
-    def _others(self) -> tuple[NDArray[np.float32], ...]:
-        return self._velocities, self._offsets, self._rates
 
     @property
     def noise(self) -> float:

@@ -22,7 +22,7 @@ import numpy as np
 from smartmesh_ros.errors import InputError
 
 # Version of the contents. A file of another one is refused.
-VERSION = 4
+VERSION = 5
 FORMAT = "smartmesh_ros state"
 # A zip file ends with its comment: this and the digest of all bytes before it, in hexadecimal.
 MARK = b"smartmesh_ros state, sha256 "
@@ -33,8 +33,8 @@ FOREIGN = "this is no saved state of smartmesh_ros; save one with save(), save_s
 
 
 def to_bytes(kind: str, tree: Any) -> bytes:
-    """Return a tree of dictionaries, lists, tuples, dataclasses, named tuples, arrays, numbers, texts and what has a
-    ``state`` and is made ``from_state`` as a file; the ``kind`` says of what."""
+    """Return a tree of dictionaries, lists, tuples, dataclasses, named tuples, arrays, numbers, texts and what sets its
+    own state when it is copied as a file; the ``kind`` says of what."""
     arrays: list[np.ndarray] = []
     text = json.dumps({"format": FORMAT, "version": VERSION, "kind": kind, "tree": _encoded(tree, arrays)})
     file, comment = io.BytesIO(), MARK + b"0" * DIGITS
@@ -138,8 +138,8 @@ def _encoded(value: Any, arrays: list[np.ndarray]) -> Any:
         return {"array": len(arrays) - 1}
     if isinstance(value, np.generic):
         return value.item()
-    if hasattr(value, "from_state"):
-        return {"is": type(value).__name__, "state": _encoded(value.state(), arrays)}
+    if hasattr(value, "__setstate__"):
+        return {"is": type(value).__name__, "state": _encoded(value.__getstate__(), arrays)}
     if is_dataclass(value) and not isinstance(value, type):
         named = {field.name: getattr(value, field.name) for field in fields(value)}
     elif isinstance(value, tuple) and hasattr(value, "_asdict"):
@@ -170,5 +170,7 @@ def _decoded(value: Any, arrays: Any, types: Mapping[str, type]) -> Any:
         return {key: _decoded(item, arrays, types) for key, item in value["dict"]}
     made: Any = types[value["is"]]
     if "state" in value:
-        return made.from_state(_decoded(value["state"], arrays, types))
+        it = made.__new__(made)
+        getattr(it, "take_state", it.__setstate__)(_decoded(value["state"], arrays, types))
+        return it
     return made(**{name: _decoded(item, arrays, types) for name, item in value["of"].items()})

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from types import MappingProxyType
 from typing import Any
 
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.corrections import FusedMap
 from smartmesh_ros.terrain.deck import Deck
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.grid_track import GridTrack, RigidMotion
-from smartmesh_ros.terrain.heightmap import Samples, ground_heights
+from smartmesh_ros.terrain.heightmap import HeightMap, Samples, ground_heights
 from smartmesh_ros.terrain.material import Material
 from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.terrain.tiles import MainMesh, Tiles, require_tile_name
+from smartmesh_ros.terrain.tiles import MainMesh, Tiles, in_place, require_tile_name
+from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 __all__ = ["MainMesh", "Terrain"]
 
@@ -29,32 +30,30 @@ class Terrain(Tiles):
         self._decks: dict[str, Deck] = {}
         super().__init__(single)
 
-    def state(self) -> dict[str, Any]:
-        """Return the whole state of the terrain; see `Tiles.state`."""
-        return {**super().state(), "decks": {name: deck.state() for name, deck in self.decks.items()}}
+    def __getstate__(self) -> dict[str, Any]:
+        return {**super().__getstate__(), "decks": self._decks}
 
-    @classmethod
-    def from_state(cls, state: dict[str, Any]) -> Terrain:
-        """Return the terrain of such a state; raises `InputError` if it is none."""
-        made = cls()
-        made.take_state(state)
-        made._decks = {name: Deck.from_state(kept) for name, kept in state["decks"].items()}
-        made._changed()
-        return made
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self._decks = dict(state["decks"])
+        super().__setstate__(state)
 
-    def become(self, other: Terrain) -> Callable[[], None]:
+    def become(self, other: Terrain) -> None:
         """Take tiles and decks of another terrain, as `Tiles.become` does. Grounds on this terrain stay on it."""
-        known, decks, core = self.decks, other.decks, self.core
-        undos = [*(known[name].become(decks[name]) for name in known.keys() & decks.keys()), super().become(other)]
-        self._decks = {name: known.get(name, deck) for name, deck in decks.items()}
-        self.core = core
+        self._tiles, self._decks = in_place(self._tiles, other._tiles), in_place(self._decks, other._decks)
         self._changed()
 
-        def undo() -> None:
-            for each in undos:
-                each()
-
-        return undo
+    @contextmanager
+    def unchanged(self) -> Iterator[None]:
+        """Let the terrain, its decks and tiles be as before if the block raises."""
+        known = [(part, dict(vars(part))) for part in (self, *self.decks.values(), *self.meshes)]
+        try:
+            yield
+        except BaseException:
+            for part, contents in known:
+                vars(part).clear()
+                vars(part).update(contents)
+            self._changed()
+            raise
 
     @classmethod
     def of(cls, ground: MainMesh | Terrain) -> Terrain:
@@ -115,6 +114,11 @@ class Terrain(Tiles):
         return [mesh for of in (self, *self.decks.values()) for mesh in of.tiles.values()]
 
     @property
+    def layout_revision(self) -> int:
+        """Number that changes when a tile is added, removed or replaced, also of decks."""
+        return max([super().layout_revision, *(deck.layout_revision for deck in self.decks.values())])
+
+    @property
     def revision(self) -> int:
         """Revision of the latest change of a tile, also of decks; their frames' motion does not count."""
         return max([super().revision, *(deck.revision for deck in self.decks.values())])
@@ -135,5 +139,9 @@ class Terrain(Tiles):
 
 # What saved states have of a terrain, by name.
 STATE_TYPES: dict[str, type] = {
-    each.__name__: each for each in (Terrain, GridGeometry, MotionConfig, GridTrack, RigidMotion, FusedMap, Material)
+    each.__name__: each
+    for each in (
+        *(Terrain, Deck, HeightMap, TriangleMesh),
+        *(GridGeometry, MotionConfig, GridTrack, RigidMotion, Material),
+    )
 }

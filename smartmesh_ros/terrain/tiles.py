@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Self
 
@@ -15,8 +15,6 @@ from smartmesh_ros.terrain.scrolling import carry_material, follow_across
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 
 MainMesh = HeightMap | TriangleMesh
-# What the saved state of tiles is made of, by name.
-_KINDS: dict[str, type[HeightMap] | type[TriangleMesh]] = {kind.__name__: kind for kind in (HeightMap, TriangleMesh)}
 
 
 class Tiles:
@@ -25,65 +23,35 @@ class Tiles:
     ``core``: the core's, which the grounds of these tiles read in each step.
     """
 
+    _CORE: Any = CORE.Tiles
+
     def __init__(self, single: MainMesh | None = None) -> None:
-        self._tiles: dict[str, MainMesh] = {}
-        self.numbers: dict[str, int] = {}  # of the tiles; a tile keeps its number, and no other one gets it
-        self._next_number = 0
-        self.core = self._new_core()
-        self._changed()
+        self._begin({})
         if single is not None:
             self.put("", single)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name != "core"}
+        """Return what copies and saved states are made of."""
+        return {"tiles": self._tiles}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        vars(self).update(state)
-        self.core = self._new_core()
-        self._changed()  # a copy is other ground
+        self._begin(dict(state["tiles"]))  # a copy is other ground
 
-    def _new_core(self) -> Any:
-        return CORE.Tiles()
+    def _begin(self, tiles: dict[str, MainMesh]) -> None:
+        """Have these tiles, and a core of its own."""
+        self._tiles, self.core = tiles, self._CORE()
+        self._changed()
 
     def _changed(self) -> None:
         """Tell the core of tiles that came or went."""
         self._layout = next_revision()
         self.core.set_tiles(self.readers)
 
-    def state(self) -> dict[str, Any]:
-        """Return the whole state of the tiles, as a tree for `state_file.to_bytes`; arrays are not copied."""
-        tiles = {name: [type(mesh).__name__, mesh.__getstate__()] for name, mesh in self.tiles.items()}
-        return {"tiles": tiles, "numbers": self.numbers, "next_number": self._next_number}
-
-    def take_state(self, state: dict[str, Any]) -> None:
-        """Have the tiles of such a state, and none besides; raises `InputError` if it is none."""
-        for name, (kind, kept) in state["tiles"].items():
-            mesh = self._tiles[name] = _KINDS[kind].__new__(_KINDS[kind])
-            mesh.__setstate__(kept)
-        self.numbers, self._next_number = dict(state["numbers"]), int(state["next_number"])
+    def become(self, other: Self) -> None:
+        """Be another one, which must not be used any more. Tiles of the same name and kind stay the same objects, with
+        the contents of the other's."""
+        vars(self).update(vars(other), _tiles=in_place(self._tiles, other._tiles))
         self._changed()
-        if self.numbers.keys() != self.tiles.keys():
-            raise InputError("state", "the tiles of a saved terrain are not those that have numbers")
-
-    def become(self, other: Self) -> Callable[[], None]:
-        """Take the tiles of another one, which must not be used any more; return the function that undoes it. Tiles of
-        the same name and kind stay the same objects, with the contents of the other's."""
-        known = dict(vars(self)), [(mesh, dict(vars(mesh))) for mesh in self.tiles.values()]
-
-        def undo() -> None:
-            vars(self).update(known[0])
-            for mesh, kept in known[1]:
-                _replace_contents(mesh, kept)
-            self._changed()
-
-        tiles = dict(other.tiles)
-        for name, mesh in other.tiles.items():
-            if type(own := self.tiles.get(name)) is type(mesh):
-                _replace_contents(own, vars(mesh))
-                tiles[name] = own
-        vars(self).update(vars(other), _tiles=tiles)
-        self._changed()
-        return undo
 
     @property
     def tiles(self) -> Mapping[str, MainMesh]:
@@ -116,14 +84,12 @@ class Tiles:
             else:
                 follow_across(old, mesh)
         self._tiles[name] = mesh
-        if name not in self.numbers:
-            self.numbers[name], self._next_number = self._next_number, self._next_number + 1
         self._changed()
 
     def remove(self, name: str) -> None:
         """Remove a tile; raises `InputError` if no tile has that name."""
         self.tile(name)
-        del self._tiles[name], self.numbers[name]
+        del self._tiles[name]
         self._changed()
 
     def tile(self, name: str) -> MainMesh:
@@ -155,7 +121,12 @@ def require_tile_name(name: Any) -> None:
     require(isinstance(name, str), "name", "the name of a tile or deck", name, "a text")
 
 
-def _replace_contents(mesh: Any, contents: dict[str, Any]) -> None:
-    """Let a mesh be another one of its kind."""
-    vars(mesh).clear()
-    vars(mesh).update(contents)
+def in_place(own: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the ``new`` parts of a terrain by name; those of the name and kind of an ``own`` one are that object, with
+    the contents of the new one."""
+    parts = dict(new)
+    for name in own.keys() & new.keys():
+        if type(own[name]) is type(new[name]):
+            own[name].become(new[name])
+            parts[name] = own[name]
+    return parts

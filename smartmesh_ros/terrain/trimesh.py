@@ -13,7 +13,6 @@ from smartmesh_ros.terrain.checked_heights import checked_next_time, checked_tim
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples, ground_heights
 from smartmesh_ros.terrain.motion import CLOCK, INSTANT, MotionConfig, MovingGround, checked_motion, next_revision
-from smartmesh_ros.terrain.state_file import filled
 
 
 class MeshSamples(NamedTuple):
@@ -60,26 +59,14 @@ class TriangleMesh(MovingGround):
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy of the mesh, or one in another process, is made of: arrays, and what they mean."""
         mesh = {"vertices": self.vertices, "triangles": self.triangles, "motion": self.motion}
-        *arrays, clocks = self._moving
-        return {
-            "mesh": mesh, "moving": tuple(arrays), "clocks": clocks, "version": self.version,
-            "shown": self.core_reader.shown,
-        }  # fmt: skip
+        return {**self._moving_state(), "mesh": mesh}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make the mesh of such a state."""
         TriangleMesh.__init__(self, **state["mesh"])
-        self.version = state["version"]
-        self._take_clocks(state["clocks"])
-        for array, kept in zip(self._moving[:-1], state["moving"], strict=True):
-            filled(array, kept)
+        self._take_moving(state)
         self._set_motion()
         self.core_reader.shown = state["shown"]
-
-    @property
-    def _moving(self) -> tuple[NDArray[Any], ...]:
-        """The arrays that updates change, beside the positions."""
-        return self._velocities, self._offsets, self._rates, self._clocks
 
     @property
     def size(self) -> int:

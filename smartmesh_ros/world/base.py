@@ -4,6 +4,7 @@ what these do becomes odometry."""
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -41,7 +42,8 @@ class BaseOdometry(NamedTuple):
         return Transform((self.x, self.y, 0.0), about(Z, self.yaw))
 
 
-class BaseMemory(NamedTuple):
+@dataclass
+class BaseMemory:
     """Command and odometry of a base.
 
     ``linear`` [m/s], ``turn`` [rad/s] or, of a base with steering, [1/m]: the command; ``linear_now``, ``turn_now``:
@@ -49,17 +51,26 @@ class BaseMemory(NamedTuple):
     ``x``, ``y`` [m], ``yaw`` [rad]: pose of the axle; ``speed`` [m/s], ``angular`` [rad/s]: its measured velocities.
     """
 
-    linear: float
-    turn: float
-    linear_now: float
-    turn_now: float
-    lasts: float
-    end: float
-    x: float
-    y: float
-    yaw: float
-    speed: float
-    angular: float
+    linear: float = 0.0
+    turn: float = 0.0
+    linear_now: float = 0.0
+    turn_now: float = 0.0
+    lasts: float = math.inf
+    end: float = math.inf
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+    speed: float = 0.0
+    angular: float = 0.0
+
+    def stand(self) -> None:
+        """Forget all commands."""
+        self.linear = self.turn = self.linear_now = self.turn_now = 0.0
+        self.lasts = self.end = math.inf
+
+    def start(self) -> None:
+        """Start the odometry anew."""
+        self.x = self.y = self.yaw = self.speed = self.angular = 0.0
 
 
 class Base:
@@ -67,15 +78,8 @@ class Base:
     Its wheels or tracks are held until it is told to drive. What does not fit the robot is said once.
 
     Without slip on level ground the robot drives as told. A robot that has wheels behind one another and no steering
-    slips aside in turns; see `BaseConfig.track`.
+    slips aside in turns; see `BaseConfig.track`. ``memory``: the command and the odometry, for `recall`.
     """
-
-    # Forward speed [m/s], and angular velocity [rad/s] or, of a base with steering, curvature [1/m].
-    _target: tuple[float, float]
-    _now: tuple[float, float]
-    _time: float  # of the world after the last step [s]
-    _pose: tuple[float, float, float]  # of the axle, as of odometry
-    _velocity: tuple[float, float]  # measured [m/s, rad/s]
 
     def __init__(self, world: World, name: str, config: BaseConfig) -> None:
         require(isinstance(config, BaseConfig), "base", "the config of a base", config, "BaseConfig(...)")
@@ -84,8 +88,7 @@ class Base:
         self._body: Body | None = None  # that `_geometry` is of
         self._geometry: BaseGeometry | None = None
         self._error: InputError | None = None  # why there is none
-        self._stand()
-        self._start()
+        self.start_over()
         world.watchers.append(self)
 
     def close(self) -> None:
@@ -104,35 +107,34 @@ class Base:
             raise InputError("non_finite", f"a base cannot drive at {linear} m/s and {angular} rad/s: not finite")
         require(as_float(lasts) >= 0.0, "base", "the duration of a command", lasts, "zero or more [s]")
         self._note_time()
-        geometry = self._find()
+        geometry, memory = self._find(), self.memory
         if geometry is None:
             raise self._error or InputError("unknown_body", f"there is no robot {self.name!r}")
         config = self.config
         linear = min(max(linear, -config.linear_limit), config.linear_limit)
         turn = min(max(angular, -config.angular_limit), config.angular_limit)
         if geometry.steering:
-            turn = geometry.within(turn / linear) if abs(linear) > STANDSTILL else self._now[1]
+            turn = geometry.within(turn / linear) if abs(linear) > STANDSTILL else memory.turn_now
         share = 1.0 / max(1.0, float(np.max(np.abs(geometry.speeds(linear, turn)) / geometry.limit)))
-        self._target = linear * share, turn if geometry.steering else turn * share
-        self._lasts, self._end, self._fresh = lasts, self._world.time + lasts, True
+        memory.linear, memory.turn = linear * share, turn if geometry.steering else turn * share
+        memory.lasts, memory.end, self._fresh = lasts, self._world.time + lasts, True
 
     def before_step(self) -> None:
         """Command wheels or tracks and steering joints for a step."""
         self._note_time()
-        geometry, world = self._find(), self._world
+        geometry, world, memory = self._find(), self._world, self.memory
         if geometry is None:
             return
-        if world.time >= self._end:
-            self._target, self._end = (0.0, self._now[1] if geometry.steering else 0.0), math.inf
+        if world.time >= memory.end:
+            memory.linear, memory.turn = 0.0, memory.turn_now if geometry.steering else 0.0
+            memory.end = math.inf
             world.say(f"no command came for the base {self.name!r} in time: it stops")
-        (linear, turn), config = self._target, self.config
-        now = (
-            _towards(self._now[0], linear, config.linear_acceleration * world.dt),
-            _towards(self._now[1], turn, config.angular_acceleration * world.dt),
-        )
-        if not self._fresh and now == self._now:
+        before = memory.linear_now, memory.turn_now
+        memory.linear_now = _towards(before[0], memory.linear, self.config.linear_acceleration * world.dt)
+        memory.turn_now = _towards(before[1], memory.turn, self.config.angular_acceleration * world.dt)
+        if not self._fresh and (memory.linear_now, memory.turn_now) == before:
             return
-        self._now, self._fresh = now, False
+        self._fresh = False
         try:
             self._command(geometry)
         except InputError as error:  # PyBullet's own colliders drive no tracks
@@ -140,53 +142,44 @@ class Base:
 
     def after_step(self) -> None:
         """Add the way of a step to the odometry."""
-        world, geometry = self._world, self._geometry
+        world, geometry, memory = self._world, self._geometry, self.memory
         self._time = world.time
         if geometry is None or world.bodies.get(self.name) is not self._body:
             return
-        linear, angular = self._velocity = self._measured(geometry)
-        x, y, yaw = self._pose
-        halfway = yaw + 0.5 * angular * world.dt
-        x, y = x + linear * math.cos(halfway) * world.dt, y + linear * math.sin(halfway) * world.dt
-        self._pose = x, y, yaw + angular * world.dt
-
-    @property
-    def memory(self) -> BaseMemory:
-        """The command and the odometry, for `recall`."""
-        return BaseMemory(*self._target, *self._now, self._lasts, self._end, *self._pose, *self._velocity)
+        memory.speed, memory.angular = self._measured(geometry)
+        halfway = memory.yaw + 0.5 * memory.angular * world.dt
+        memory.x += memory.speed * math.cos(halfway) * world.dt
+        memory.y += memory.speed * math.sin(halfway) * world.dt
+        memory.yaw += memory.angular * world.dt
 
     def recall(self, memory: BaseMemory) -> None:
         """Go on at the world's time from the memory of a base."""
-        self._target, self._now = (memory.linear, memory.turn), (memory.linear_now, memory.turn_now)
-        self._lasts, self._end, self._fresh = memory.lasts, memory.end, True
-        self._time, self._pose = self._world.time, (memory.x, memory.y, memory.yaw)
-        self._velocity = memory.speed, memory.angular
+        self.memory, self._time, self._fresh = replace(memory), self._world.time, True
 
     def start_over(self) -> None:
         """Forget all commands, and start the odometry anew."""
-        self._stand()
-        self._start()
+        self.memory, self._fresh = BaseMemory(), True
+        self._time = -math.inf  # of the world after the last step [s]
 
     @property
     def odometry(self) -> BaseOdometry:
         """The odometry after the last step."""
-        (x, y, yaw), (linear, angular) = self._pose, self._velocity
-        axle = 0.0 if self._geometry is None else self._geometry.axle
-        x, y = x + axle * (1.0 - math.cos(yaw)), y - axle * math.sin(yaw)
-        return BaseOdometry(x, y, yaw, linear, -angular * axle, angular)
+        it, axle = self.memory, 0.0 if self._geometry is None else self._geometry.axle
+        x, y = it.x + axle * (1.0 - math.cos(it.yaw)), it.y - axle * math.sin(it.yaw)
+        return BaseOdometry(x, y, it.yaw, it.speed, -it.angular * axle, it.angular)
 
     def _command(self, geometry: BaseGeometry) -> None:
         """Command the joints and surfaces of the robot."""
-        linear, turn = self._now
+        linear, turn = self.memory.linear_now, self.memory.turn_now
         for joint, angle in zip(geometry.steering, geometry.angles(turn), strict=True):
             self._world.command(self.name, joint.name, JointCommand(position=joint.sign * angle))
         for name, speed in zip(geometry.names, geometry.speeds(linear, turn).tolist(), strict=True):
-            self._world.command(self.name, name, JointCommand(velocity=speed), self._lasts)
+            self._world.command(self.name, name, JointCommand(velocity=speed), self.memory.lasts)
 
     def _measured(self, geometry: BaseGeometry) -> tuple[float, float]:
         """Return the forward speed [m/s] and the angular velocity [rad/s] that the wheels and steering joints tell."""
         if self.config.tracks:  # their speeds are those commanded
-            return self._now
+            return self.memory.linear_now, self.memory.turn_now
         client, joints = self._world.client, self._body.joints if self._body else {}
         uid = self._body.uid if self._body else -1
         states = client.getJointStates(uid, [joints[name] for name in geometry.names])
@@ -207,7 +200,7 @@ class Base:
         if body is not self._body:
             self._body, self._geometry, self._error, self._fresh = body, None, None, True
             if body is None:
-                self._stand()
+                self.memory.stand()
                 return None
             try:
                 self._geometry = geometry_of(self._world.client, body, self.config)
@@ -220,20 +213,12 @@ class Base:
         self._geometry, self._error = None, error
         self._world.say(f"the base {self.name!r} does not drive: {error}")
 
-    def _stand(self) -> None:
-        """Forget all commands."""
-        self._target, self._now = (0.0, 0.0), (0.0, 0.0)
-        self._lasts, self._end, self._fresh = math.inf, math.inf, True
-
     def _note_time(self) -> None:
         """If the world's time was reset, let the last command end as much earlier, and start the odometry anew."""
         if self._world.time < self._time:
-            self._end += self._world.time - self._time
-            self._start()
-
-    def _start(self) -> None:
-        """Start the odometry anew."""
-        self._time, self._pose, self._velocity = -math.inf, (0.0, 0.0, 0.0), (0.0, 0.0)
+            self.memory.end += self._world.time - self._time
+            self.memory.start()
+            self._time = -math.inf
 
 
 def _towards(value: float, target: float, most: float) -> float:

@@ -6,7 +6,7 @@ Lengths are along the axes of the root link with all joints at zero: x forward, 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -14,23 +14,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.quaternions import conjugate, product, rotate
-from smartmesh_ros.ground.shapes import ShapeKind
+from smartmesh_ros.ground.quaternions import product, rotate
 from smartmesh_ros.ground.state import BodyState, Vector
 from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.base_config import BaseConfig
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.link_frames import LinkFrames, link_index
+from smartmesh_ros.world.standing import Underside
 
 # Least part of a wheel's axis along y, and of a steering axis along z, in the frame of the root link.
 STRAIGHT = 0.8
 # Largest steering angle [rad]; at a right angle the turn has no speed.
 STEEPEST = 1.5
-# Points on each rim of a cylinder from which a wheel's radius is read.
-RIM = 64
+# Directions around a wheel's axis in which its radius is measured: the largest is found to 1e-4.
+AROUND = 256
 
 
 class Steering(NamedTuple):
@@ -165,11 +164,9 @@ def _wheel(client: Any, body: Body, frames: list[BodyState], name: str, config: 
         raise InputError("base", f"the axis of wheel {name!r} of {body.name!r} is not along y of the root link")
     radius = config.radius
     if index in body.shapes:
-        points = [*_points(client, body, index)]
-        axis = np.array(rotate(conjugate(frames[index + 1].orientation), along))
-        away = [float(np.linalg.norm(point - (point @ axis) * axis)) + grown for point, grown in points]
-        radius = radius or max(away)
-        place = _middle(frames[index + 1], points)
+        points = _outermost(client, body, index, frames[index + 1], along)
+        radius = radius or float(np.linalg.norm(np.cross(points - place, along), axis=1).max())
+        place = _middle(points)
     if not radius:
         raise InputError("base", f"wheel {name!r} of {body.name!r} has no collision shape; give its radius")
     return _Wheel(index, place[0], place[1], math.copysign(1.0, along[1]) / radius, limit)
@@ -186,7 +183,7 @@ def _track(client: Any, body: Body, frames: list[BodyState], name: str) -> _Whee
     along = rotate(frame.orientation, drive.axis)
     if abs(along[1]) < STRAIGHT * math.hypot(*along):
         raise InputError("base", f"the axis of track {name!r} of {body.name!r} is not along y of the root link")
-    place = _middle(frame, [*_points(client, body, index)])
+    place = _middle(_outermost(client, body, index, frame, along))
     return _Wheel(index, place[0], place[1], math.copysign(1.0, along[1]), drive.limit)
 
 
@@ -226,30 +223,16 @@ def _steered_by(client: Any, body: Body, link: int, steering: Sequence[str]) -> 
     return joints.index(link) if link in joints else -1
 
 
-def _middle(frame: BodyState, points: list[tuple[FloatArray, float]]) -> Vector:
-    """Return the middle of the bounds of points of a link, in the frame of the root."""
-    there = np.array([rotate(frame.orientation, tuple(point)) for point, _ in points])
-    x, y, z = (0.5 * (there.min(axis=0) + there.max(axis=0)) + frame.position).tolist()
+def _outermost(client: Any, body: Body, index: int, frame: BodyState, axis: Vector) -> FloatArray:
+    """Return points (n, 3) [m] of a link's shape in the frame of the root: the outermost along the axes of the root and
+    in directions around an ``axis``."""
+    angles = np.linspace(0.0, math.tau, AROUND, endpoint=False)
+    around = np.column_stack([np.cos(angles), np.sin(angles)]) @ np.linalg.svd([axis])[2][1:]
+    surface = Underside([body.shapes[index]], [Transform(*client.getDynamicsInfo(body.uid, index)[3:5])])
+    return surface.lowest(frame, np.concatenate([around, np.eye(3), -np.eye(3)]))
+
+
+def _middle(points: FloatArray) -> Vector:
+    """Return the middle of the bounds of points (n, 3) [m]."""
+    x, y, z = (0.5 * (points.min(axis=0) + points.max(axis=0))).tolist()
     return x, y, z
-
-
-def _points(client: Any, body: Body, index: int) -> Iterator[tuple[FloatArray, float]]:
-    """Yield the outermost points (3,) [m] of a link's shape, in the frame of the link, each with the rounding radius
-    [m] around it."""
-    centre = Transform(*client.getDynamicsInfo(body.uid, index)[3:5])
-    for part in body.shapes[index].parts:
-        placed = centre.then(Transform(part.offset, part.orientation))
-        for x, y, z in _corners(part).tolist():
-            yield np.array(placed.then(Transform((x, y, z))).translation), part.rounding
-
-
-def _corners(shape: BodyShape) -> FloatArray:
-    """Return the outermost points (n, 3) [m] of the core of a shape of one part, in its own frame."""
-    if shape.kind == ShapeKind.HULL:
-        return shape.vertices
-    if shape.kind == ShapeKind.CYLINDER:
-        angles = np.linspace(0.0, 2.0 * math.pi, RIM, endpoint=False)
-        rim = np.column_stack([np.cos(angles), np.sin(angles), np.ones(RIM)])
-        return np.concatenate([rim, rim * (1.0, 1.0, -1.0)]) * shape.half
-    signs = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), axis=-1).reshape(-1, 3)
-    return np.asarray(signs * shape.half)

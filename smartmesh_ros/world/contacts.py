@@ -29,9 +29,10 @@ class GroundContact:
 
 
 def ground_contacts(client: Any, ground: Ground) -> list[GroundContact]:
-    """Return the contacts with the ground in the last step; for tracked bodies, those with the ground now."""
-    followers = ground.followers
-    colliders = {follower.collider: follower.name for follower in followers if follower.collider is not None}
+    """Return the contacts with the ground in the last step, but of remote bodies; for tracked bodies, those with the
+    ground now."""
+    own = [follower for follower in ground.followers if not follower.remote]
+    colliders = {follower.collider: follower.name for follower in own if follower.collider is not None}
     contacts = []
     for point in client.getContactPoints():
         if point[8] > 0.0 and point[9] == 0.0:  # came near in the step, and neither touches nor holds
@@ -42,10 +43,10 @@ def ground_contacts(client: Any, ground: Ground) -> list[GroundContact]:
         elif first is not None:
             x, y, z = point[7]
             contacts.append(GroundContact(first, point[5], (-x, -y, -z), -point[8], point[9]))
-    for slot in followers.tracked.tolist():
-        if found := ground.contacts.core.deepest_contact(slot):
+    for follower in own:
+        if not follower.solid and (found := ground.contacts.core.deepest_contact(follower.slot)):
             position, normal, depth = found
-            contacts.append(GroundContact(followers[slot].name, position, normal, depth, math.nan))
+            contacts.append(GroundContact(follower.name, position, normal, depth, math.nan))
     return contacts
 
 
@@ -61,7 +62,7 @@ class GroundWrench:
 
 
 def wrenches_of_step(client: Any, ground: Ground) -> list[GroundWrench]:
-    """Return the wrenches of the last step on the simulated bodies of a ``ground``; for sleeping bodies, of the step
+    """Return the wrenches of the last step on the bodies that this world simulates; for sleeping bodies, of the step
     before they fell asleep, whose contacts PyBullet keeps.
 
     Rolling and spinning friction, which URDFs may ask for, are not included.
@@ -70,7 +71,7 @@ def wrenches_of_step(client: Any, ground: Ground) -> list[GroundWrench]:
     of_colliders: dict[int, GroundWrench] = {}
     calls = BulletCalls(client)
     for follower in ground.followers:
-        if follower.solid:
+        if follower.solid and not follower.remote:
             centre = calls.state(follower.body, follower.link)[:3]
             wrench = GroundWrench(follower.name, centre, np.zeros(3), np.zeros(3))
             found.append(wrench)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections import defaultdict
 from collections.abc import Callable
@@ -10,6 +11,7 @@ from typing import Any, NamedTuple
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError, as_float, require
+from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.followers import Belt
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.quaternions import conjugate, rotate
@@ -47,19 +49,21 @@ class Driving:
     """What drives the bodies of a world, by name, and what they carry. ``say`` tells the user what stops because no
     command came. ``carried``: by the names of decks, which may come later, as the bodies may."""
 
-    bodies: dict[str, Body]
     carried: dict[str, Carrier]
-    client: Any
-    ground: Ground
     time: float
-    say: Callable[[str], object]
+    say: Callable[[str], object] = logging.getLogger("smartmesh_ros").warning
     _terrain: Terrain
-    _factory: BodyFactory
-    _efforts: dict[tuple[str, str], float]  # [Nm or N] to apply before each step, by robot and joint
-    _stiff: dict[str, Body]  # robots whose damping depends on their posture
-    _undamped: int  # steps since it was fitted
-    _ends: dict[tuple[str, str], float]  # times at which velocities end [s], by robot and joint or surface
-    _next_end: float  # not after the first of them
+    _next_end: float  # not after the first end of a velocity [s]
+
+    def _begin(self, client: Any, ground: Ground, physics: PhysicsConfig) -> None:
+        """Start without bodies."""
+        self.bodies: dict[str, Body] = {}
+        self.client, self.ground = client, ground
+        self._factory = BodyFactory(client, physics)
+        self._efforts: dict[tuple[str, str], float] = {}  # [Nm or N] to apply before each step, by robot and joint
+        self._stiff: dict[str, Body] = {}  # robots whose damping depends on their posture
+        self._undamped = 0  # steps since it was fitted
+        self._set_ends({})
 
     def drive(self, name: str, joint: str, velocity: float, force: float | None = None) -> None:
         """Drive a robot's joint at ``velocity`` [rad/s or m/s] with at most ``force`` [Nm or N], None = the joint's
@@ -124,7 +128,7 @@ class Driving:
             self.say(f"no command came for {', '.join(joints)} of {name!r} in time: stopped")
 
     def _set_ends(self, ends: dict[tuple[str, str], float]) -> None:
-        """Replace the times at which velocities end [s]."""
+        """Replace the times at which velocities end [s], by robot and joint or surface."""
         self._ends, self._next_end = ends, min(ends.values(), default=math.inf)
 
     def require_command(self, name: str, joint: str, command: JointCommand) -> None:

@@ -7,13 +7,9 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-import numpy as np
-
-from smartmesh_ros.terrain.grid import BoolArray
 from smartmesh_ros.world.settings import GuestConfig
 from smartmesh_ros.world.state_table import StateTable
 
-NOBODY = np.zeros(0, bool)
 # Largest number of received states that are not used yet; a quarter of a second at 240 Hz.
 MOST_PENDING = 64
 
@@ -41,9 +37,8 @@ class GuestOwner:
 
     ``pending``: received states that are too young to be used. ``now``: the states in use, None before the first.
     ``new``: True until the ``guests`` are set to ``now``. ``delay`` [s]: estimated delay of its states. ``listed``,
-    ``names``: of its bodies, in order and as a set. ``shared``: names that are also used by other worlds. ``barred``:
-    bodies of ``now`` with a shared name, which cannot be guests. ``phase``: lag of its steps behind this world's
-    [steps], None before the first states.
+    ``names``: of its bodies, in order and as a set. ``shared``: names that are also used by other worlds, whose bodies
+    cannot be guests. ``phase``: lag of its steps behind this world's [steps], None before the first states.
     """
 
     pending: deque[Received] = field(default_factory=lambda: deque(maxlen=MOST_PENDING))
@@ -54,7 +49,6 @@ class GuestOwner:
     listed: list[str] = field(default_factory=list)
     names: frozenset[str] = frozenset()
     shared: frozenset[str] = frozenset()
-    barred: BoolArray = field(default_factory=lambda: NOBODY)
     phase: float | None = None
 
     def to_own_steps(self, steps: float, config: GuestConfig) -> int:

@@ -16,9 +16,8 @@ import pybullet as pb
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.bullet import BulletCalls
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.world.guest_owner import NOBODY, Guest, GuestOwner, Received
+from smartmesh_ros.world.guest_owner import Guest, GuestOwner, Received
 from smartmesh_ros.world.population import Population
 from smartmesh_ros.world.settings import GuestConfig
 from smartmesh_ros.world.state_table import StateTable, require_valid
@@ -37,7 +36,6 @@ class Guests:
     def __init__(self, world: Population, config: GuestConfig) -> None:
         self.config = config
         self._world = world
-        self._calls = BulletCalls(world.client)
         self._owners: dict[str, GuestOwner] = {}
 
     @property
@@ -105,23 +103,14 @@ class Guests:
         guests = {guest.uid: guest for known in self._owners.values() for guest in known.guests.values()}
         if not guests:
             return
-        world, followers = self._world, self._world.followers
-        places, speeds = self._attached()
-        moved = speeds * world.dt  # PyBullet moves bodies at their velocities after the step
-        remote, solid = followers.flags("remote"), followers.flags("solid")
-        near = CORE.may_touch(places - moved, moved, followers.radii, remote, solid, self.config.touching)
-        client = world.client._client
+        world, client = self._world, self._world.client._client
+        near = CORE.may_touch(world.ground.contacts.core.bodies(), world.dt, self.config.touching)
         for slot in np.flatnonzero(near).tolist():
-            uid = followers[slot].body
+            uid = world.followers[slot].body
             points = pb.getContactPoints(uid, physicsClientId=client)
             if any(point[_FORCE] > 0.0 and self._moves(point[_OTHER]) for point in points):
                 first, _ = guests[uid].touched or (world.time, 0.0)
                 guests[uid].touched = first, world.time
-
-    def _attached(self) -> tuple[FloatArray, FloatArray]:
-        """Return positions [m] and velocities [m/s] of the attached bodies by slot (S, 3), NaN where there are none."""
-        states = self._world.ground.contacts.states_of(np.arange(self._world.followers.capacity))
-        return np.ascontiguousarray(states[:, :3]), np.ascontiguousarray(states[:, 7:10])
 
     def _moves(self, body: int) -> bool:
         """Return True if a PyBullet body is attached and moves by physics."""
@@ -163,23 +152,20 @@ class Guests:
             for name, guest in known.guests.items():
                 guest.row = rows[name]
         known.now, known.new = newest, True
-        known.barred = np.array([name in known.shared for name in states.names], bool) if known.shared else NOBODY
 
     def _add_and_remove(self, owner: str, known: GuestOwner, now: Received) -> None:
         """Add guests for bodies that come near, and remove guests that are far away."""
-        world, states, followers = self._world, now.states, self._world.followers
+        world, states = self._world, now.states
         margins = np.full(len(states.names), self.config.margin)
         margins[[guest.row for guest in known.guests.values()]] *= self.config.stay
-        attached = *self._attached(), followers.radii, followers.flags("own")
-        near = CORE.near_any((states.numbers, states.radii, margins), self._age(now), attached, self.config.horizon)
-        if known.barred.size:
-            near &= ~known.barred
-        going = [name for name, guest in known.guests.items() if not near[guest.row]]
+        remote, attached = (states.numbers, states.radii, margins), world.ground.contacts.core.bodies()
+        near = CORE.near_any(remote, self._age(now), attached, self.config.horizon)
+        going = [name for name, guest in known.guests.items() if not near[guest.row] or name in known.shared]
         # A body that has just changed its owner may still be here as a guest of the previous owner, or as an own body.
         coming = [
             (row, name)
             for row in np.flatnonzero(near).tolist()
-            if (name := states.names[row]) not in known.guests and name not in world.bodies
+            if (name := states.names[row]) not in world.bodies and name not in known.shared
         ]
         if not going and not coming:
             return
@@ -197,8 +183,8 @@ class Guests:
     def _follow(self, known: GuestOwner, now: Received) -> None:
         """Set guests to their owner's states if there are new ones; in a lasting contact blend them instead; otherwise
         do nothing."""
-        dt = self._world.dt
-        hold = known.delay + self.config.steps_apart * dt
+        world = self._world
+        hold = known.delay + self.config.steps_apart * world.dt
         setting, drawing = [], []
         for guest in known.guests.values():
             if guest.touched is None:
@@ -215,8 +201,9 @@ class Guests:
         if setting:
             self._put(setting, self._extrapolated(now, setting))
         if drawing:
-            share = 1.0 - math.exp(-dt / max(self.config.settle, known.delay))
-            states = self._calls.states([guest.uid for guest in drawing])
+            share = 1.0 - math.exp(-world.dt / max(self.config.settle, known.delay))
+            slots = np.array([world.followers.of(guest.uid)[0] for guest in drawing])
+            states = world.ground.contacts.states_of(slots)
             self._put(drawing, CORE.blended(states, self._extrapolated(now, drawing), share))
 
     def _rests(self, guest: Guest, now: Received) -> bool:

@@ -11,16 +11,14 @@ from numpy.typing import ArrayLike
 
 from smartmesh_ros.errors import InputError, as_float, require_body_name
 from smartmesh_ros.ground.bullet import undone
-from smartmesh_ros.ground.config import PhysicsConfig
-from smartmesh_ros.ground.followers import Belt, Follower, Followers
-from smartmesh_ros.ground.ground import Ground
+from smartmesh_ros.ground.followers import Belt, Followers
 from smartmesh_ros.ground.limits import require_possible
 from smartmesh_ros.ground.shapes import Shape, Solid, Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain.surface_query import GroundSamples, checked_rays
-from smartmesh_ros.world.bodies import Body, BodyFactory
+from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.body_rays import RayHits, cast_rays, require_bodies
-from smartmesh_ros.world.driving import Driving
+from smartmesh_ros.world.driving import Driving, links_of
 from smartmesh_ros.world.link_frames import frame_state
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.standing import NO_TERRAIN, put_on_ground
@@ -31,19 +29,8 @@ class Population(Driving):
     robots, and remote bodies (``guests``). ``note`` tells the user what a robot's
     description was taken as, ``say`` what may be wrong."""
 
-    time: float
     guests: Any  # the `Guests`, which know this class
-    say: Callable[[str], object] = logging.getLogger("smartmesh_ros").warning
     note: Callable[[str], object] = logging.getLogger("smartmesh_ros").info
-
-    def _begin(self, client: Any, ground: Ground, physics: PhysicsConfig) -> None:
-        """Start without bodies."""
-        self.bodies: dict[str, Body] = {}
-        self.client = client
-        self.ground = ground
-        self._factory = BodyFactory(client, physics)
-        self._efforts, self._stiff, self._undamped = {}, {}, 0
-        self._set_ends({})
 
     def spawn(
         self,
@@ -213,9 +200,6 @@ class Population(Driving):
             raise InputError("guest", f"{name!r} is simulated by {body.owner}; ask that one")
         return body
 
-    def _is_guest(self, name: str) -> bool:
-        return bool(self.bodies[name.partition("/")[0]].owner)
-
     def _remove(self, name: str) -> None:
         self._discard(self.body(name))
         del self.bodies[name]
@@ -262,20 +246,13 @@ class Population(Driving):
     def _put_on_ground(self, body: Body, belts: dict[str, Belt] | None = None) -> None:
         """Attach a body that PyBullet has to the ground; removes it from PyBullet if that fails."""
         with undone(lambda: self._take_out(body)):
-            if body.is_robot:
-                for link, part in body.links.items():
-                    follower = self.ground.attach(body.uid, link, shape=body.shapes[link])
-                    self._attach(body, follower, f"{body.name}/{part}")
-            else:
-                follower = self.ground.attach(body.uid, solid=not body.tracked, shape=body.shape)
-                self._attach(body, follower, body.name)
+            for index, link in links_of(body).items():
+                shape = body.shapes.get(index, body.shape)
+                follower = self.ground.attach(body.uid, index, solid=not body.tracked, shape=shape)
+                follower.name = f"{body.name}/{link}" if link else body.name
+                self.ground.set_owner(follower.slot, own=body.simulated and not body.fixed, remote=bool(body.owner))
             self._move_belts(body, belts or {})
 
     def _take_out(self, body: Body) -> None:
         self.ground.detach(body.uid)
         self.client.removeBody(body.uid)
-
-    def _attach(self, body: Body, follower: Follower, name: str) -> None:
-        """Record what this world knows of a new follower."""
-        follower.name = name
-        self.ground.set_owner(follower.slot, own=body.simulated and not body.fixed, remote=bool(body.owner))

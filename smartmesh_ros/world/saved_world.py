@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Any, Protocol
 
 import pybullet as pb
@@ -13,7 +13,6 @@ import pybullet as pb
 from smartmesh_ros.errors import checked_seed
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.shapes import Hull
-from smartmesh_ros.soil.soil import Soil
 from smartmesh_ros.terrain import state_file
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.world.bodies import Body, BodyMaterial
@@ -23,7 +22,7 @@ from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.population import Population
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.settings import WorldConfig
-from smartmesh_ros.world.snapshot import BodySnapshot, Snapshot, WorldState
+from smartmesh_ros.world.snapshot import KIND, BodySnapshot, Snapshot, WorldState
 
 Source = bytes | str | os.PathLike[str]
 
@@ -73,29 +72,26 @@ class SavedWorld(Population):
 
     def state_bytes(self, extra: dict[str, Any] | None = None) -> bytes:
         """Return the whole state, as `save` does, and go on as before. ``extra``: what is saved with it."""
-        return self._whole(self.snapshot(), extra).to_bytes()
+        return self._whole(self.snapshot(), extra)
 
     def _saved(self, extra: dict[str, Any] | None = None) -> bytes:
         """Return the whole state as other worlds take it over."""
-        return self._whole(self.snapshot().rounded(), extra).to_bytes()
+        return self._whole(self.snapshot().rounded(), extra)
 
-    def _whole(self, snapshot: Snapshot, extra: dict[str, Any] | None) -> WorldState:
+    def _whole(self, snapshot: Snapshot, extra: dict[str, Any] | None) -> bytes:
         """Return the whole state, with a snapshot of its bodies."""
-        self.ground.check_soil()
-        soil, contacts, slots = self.ground.soil, self.ground.contacts, self._own_slots()
-        return WorldState(
+        state = WorldState(
+            **self.ground.laid(),
             snapshot=snapshot,
-            terrain=self.terrain,
-            soil=None if soil is None else soil.state(),
-            tile=self.ground.tile_of_soil,
             carried=self.carried,
             config=self.config,
             seed=self.seed,
             first=self._first,
-            memory=contacts.memory(slots),
+            memory=self.ground.contacts.memory(self._own_slots()),
             falls=self.falls.checked,
             extra=extra or {},
         )
+        return state_file.to_bytes(KIND, state)
 
     def save(self, file: str | os.PathLike[str] | None = None, *, extra: dict[str, Any] | None = None) -> bytes:
         """Return the whole state, and write it to a ``file`` unless it is None.
@@ -126,7 +122,11 @@ class SavedWorld(Population):
         snapshot = state if isinstance(state, Snapshot) else state.snapshot
         robots = {body.name: prepare_robot(body.urdf) for body in snapshot.bodies if body.urdf is not None}
         before, drawn = dict(vars(self)), self.ground.drawn
-        with state_file.foreign_refused(), self._other_ground(state) as soil, undone(lambda: self._back_to(before)):
+        self.ground.check_soil()
+        laid: Any = nullcontext(self.ground.soil)
+        if isinstance(state, WorldState):
+            laid = self.ground.other_terrain(state.terrain, state.soil, state.tile)
+        with state_file.foreign_refused(), laid as soil, undone(lambda: self._back_to(before)):
             self._rescues = self.rescues
             if isinstance(state, WorldState):
                 self.config, self.seed, self._first = state.config, int(state.seed), state.first
@@ -135,7 +135,8 @@ class SavedWorld(Population):
             self.ground.set_soil(soil)
             self._fill(snapshot, robots)
             if isinstance(state, WorldState):
-                self._recall(state)
+                self.ground.contacts.recall(self._own_slots(), state.memory)
+                self.falls.checked = float(state.falls)
             if drawn:
                 self.ground.show(drawn)
             self._bind_anew()
@@ -226,30 +227,6 @@ class SavedWorld(Population):
         found = (self.followers.at(body.uid, link) for body, link in links)
         return [follower.slot for follower in found if follower is not None]
 
-    @contextmanager
-    def _other_ground(self, state: WorldState | Snapshot) -> Iterator[Any]:
-        """Take the terrain and the soil of a state for the block, which gets the soil; they are as before if it
-        raises."""
-        self.ground.check_soil()
-        soil = self.ground.soil
-        if isinstance(state, Snapshot):
-            yield soil
-            return
-        known, undo = None if soil is None else dict(vars(soil)), self.terrain.become(state.terrain)
-        try:
-            if state.soil is None:
-                yield None
-            elif soil is None:
-                yield Soil.from_state(self.terrain, state.soil, state.tile)
-            else:
-                soil.become(self.terrain, state.soil, state.tile)
-                yield soil
-        except BaseException:
-            undo()
-            if soil is not None and known is not None:
-                vars(soil).update(known)
-            raise
-
     def _back_to(self, before: dict[str, Any]) -> None:
         """Be again what the world was ``before``."""
         if self.client is not before["client"]:
@@ -275,10 +252,3 @@ class SavedWorld(Population):
                 self.command(body.name, joint, command)
             self._move_belts(new, body.belts)
         self._set_ends({(body.name, joint): end for body in snapshot.bodies for joint, end in body.ends.items()})
-
-    def _recall(self, state: WorldState) -> None:
-        """Take over what the state knows of the past of the bodies."""
-        slots = self._own_slots()
-        if state.memory is not None:
-            self.ground.contacts.recall(slots, state.memory)
-        self.falls.checked = float(state.falls)

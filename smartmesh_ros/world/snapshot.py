@@ -17,6 +17,7 @@ from smartmesh_ros.ground.quaternions import rounded
 from smartmesh_ros.ground.shapes import SHAPES, Hull, Solid
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain import state_file
+from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import STATE_TYPES, Terrain
 from smartmesh_ros.world.driving import Carrier
 from smartmesh_ros.world.joints import JointCommand
@@ -55,16 +56,16 @@ class Snapshot:
 
     def rounded(self) -> Snapshot:
         """Return the snapshot with rounded orientations, as a world that is restored from it gives them back."""
-        return replace(self, bodies=tuple(_rounded(body) for body in self.bodies))
+        bodies = []
+        for body in self.bodies:
+            state = replace(body.state, orientation=rounded(body.state.orientation))
+            bodies.append(replace(body, state=state))
+        return replace(self, bodies=tuple(bodies))
 
     @property
     def hash(self) -> str:
         """Digest of all numbers: equal if and only if two worlds are in the same state."""
         return hashlib.sha256(state_file.to_bytes("Snapshot", self)).hexdigest()
-
-
-def _rounded(body: BodySnapshot) -> BodySnapshot:
-    return replace(body, state=replace(body.state, orientation=rounded(body.state.orientation)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,13 +85,9 @@ class WorldState:
     config: WorldConfig
     seed: int
     first: Terrain | None
-    memory: dict[str, Any] | None
+    memory: tuple[FloatArray, list[FloatArray]]
     falls: float
     extra: dict[str, Any]
-
-    def to_bytes(self) -> bytes:
-        """Return the state as a file."""
-        return state_file.to_bytes(KIND, self)
 
     @staticmethod
     def from_bytes(data: bytes) -> WorldState:

@@ -25,19 +25,18 @@ class SimulatedStates:
         followers = self._world.followers
         if (self._world.client, followers.epoch) != self._described:
             self._describe()
-        contacts = self._world.ground.contacts
-        numbers = contacts.states_of(self._slots)
-        moves = np.flatnonzero(~np.isin(self._slots, contacts.core.find_asleep()) | self._robot)
-        numbers[moves] = BulletCalls(self._world.client).states([self._uids[place] for place in moves.tolist()])
+        numbers = self._world.ground.contacts.states_of(self._slots)
+        # A robot's first attached link may not be its base.
+        numbers[self._robots] = BulletCalls(self._world.client).states(self._uids)
         return self._bodies._replace(numbers=numbers)
 
     def _describe(self) -> None:
         followers = self._world.followers
         self._described = self._world.client, followers.epoch
         bodies = [body for body in self._world.bodies.values() if body.simulated]
-        self._uids = [body.uid for body in bodies]
-        self._slots = np.array([followers.of(uid)[0] for uid in self._uids], np.int64)
-        self._robot = np.array([body.is_robot for body in bodies], bool)
+        self._slots = np.array([followers.of(body.uid)[0] for body in bodies], np.int64)
+        self._robots = np.array([body.is_robot for body in bodies], bool)
+        self._uids = [body.uid for body in bodies if body.is_robot]
         self._bodies = body_table(bodies)
 
 

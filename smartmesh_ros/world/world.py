@@ -160,13 +160,11 @@ class World(SavedWorld):
     def contacts(self) -> list[GroundContact]:
         """Return the contacts with the ground in the last step; for tracked bodies, with the ground
         now."""
-        found = ground_contacts(self.client, self.ground)
-        return [contact for contact in found if not self._is_guest(contact.body)]
+        return ground_contacts(self.client, self.ground)
 
     def wrenches(self) -> list[GroundWrench]:
         """Return the wrench of the ground in the last step on each simulated body and link that can touch it."""
-        found = wrenches_of_step(self.client, self.ground)
-        return [wrench for wrench in found if not self._is_guest(wrench.body)]
+        return wrenches_of_step(self.client, self.ground)
 
     def height_scan(self, names: str | Sequence[str], scan: HeightScan) -> FloatArray:
         """Return the values (n, k) of a scan of the ground around n bodies now, of a robot around the frame of its base
@@ -193,9 +191,9 @@ class World(SavedWorld):
         if line:
             self.say(line)
         for name, why in gone.items():
-            guest = self._is_guest(name)
+            owner = self.bodies[name].owner
             self._remove(name)
-            if guest:
+            if owner:
                 self.guests.dropped(name)
             else:
                 self.lost[name] = why

@@ -37,12 +37,12 @@ class PatchContacts(MapContacts):
     def attach(self, follower: Follower) -> None:
         """The core only reads and moves a follower, which gets its collider in the next `refresh`."""
         self.core.attach(follower.slot, follower.body, follower.link, -1, follower.shape)
-        self.note_kind(follower.slot)
+        self.note_kind(follower)
 
-    def note_kind(self, slot: int) -> None:
+    def note_kind(self, follower: Follower) -> None:
         """Tell the core who moves a follower, which only a guard lifts."""
-        self._followers.table["own"][slot] &= self._config.guard
-        super().note_kind(slot)
+        follower.own &= self._config.guard
+        super().note_kind(follower)
 
     def detach(self, slots: list[int]) -> None:
         """Remove the colliders of followers. If PyBullet fails, the next `refresh` makes those that are missing."""
@@ -64,8 +64,9 @@ class PatchContacts(MapContacts):
                 if follower.solid:
                     self._apply(follower, batch, row)
                     served.add(follower.slot)
-        for slot in set(np.flatnonzero(self._followers.table["solid"]).tolist()) - served:
-            self._release(self._followers[slot])
+        for follower in self._followers:
+            if follower.solid and follower.slot not in served:
+                self._release(follower)
 
     def close(self) -> None:
         """Remove all colliders."""

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from smartmesh_ros import HeightMap
 from smartmesh_ros.core import CORE
 from smartmesh_ros.ground.followers import Followers
-from smartmesh_ros.ground.slot_tables import with_rows
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
@@ -63,7 +62,8 @@ class MapPatches:
         """Grow patches at once, but shrink them only well below their size, so that no patch alternates between two
         sizes. A body that needs more than the most rings gets a coarser stride. A patch is never larger than the map,
         nor of more rings than the settings say, if they do."""
-        self._extents = with_rows(self._extents, int(slots.max()) + 1, (0.0, 0.0, 0.0, -1.0))
+        missing = max(int(slots.max()) + 1 - len(self._extents), 0)
+        self._extents = np.concatenate([self._extents, np.tile((0.0, 0.0, 0.0, -1.0), (missing, 1))])
         _, _, least, most = self._extents[slots].T
         outgrown = (reach > most) | (reach < least)
         geometry, config = self._map.geometry, self._config
@@ -248,8 +248,8 @@ class ChosenPatches:
                 MapPatches(mesh, self._config) if isinstance(mesh, HeightMap) else MeshPatches(mesh, self._config)
             )
         self.batches = []
-        radii, slots = self._followers.radii, np.flatnonzero(self._followers.table["alive"])
-        slots = slots[np.isfinite(states[slots]).all(axis=1)]
+        radii, slots = np.zeros(len(states)), np.flatnonzero(np.isfinite(states).all(axis=1))
+        radii[slots] = [self._followers[slot].radius for slot in slots.tolist()]
         slots = slots[_beyond(mesh, states[slots]) <= radii[slots]]
         if slots.size and not self._config.whole:
             speeds = np.minimum(np.linalg.norm(states[slots, 7:10], axis=1), FASTEST)

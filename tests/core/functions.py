@@ -92,10 +92,6 @@ def zeros(columns: int, rows: int = SLOTS) -> np.ndarray:
     return np.zeros((rows, columns))
 
 
-def flags() -> np.ndarray:
-    return np.ones(SLOTS, bool)
-
-
 def bodies() -> Arguments:
     states = zeros(13, BODIES)
     states[:, 6] = 1.0
@@ -122,8 +118,8 @@ def faults() -> Arguments:
     }  # fmt: skip
 
 
-def near_any(states: Any, radii: Any, margins: Any, places: Any, speeds: Any, others: Any, own: Any) -> Any:
-    return CORE.near_any((states, radii, margins), 0.1, (places, speeds, others, own), 0.1)
+def near_any(states: Any, radii: Any, margins: Any, attached: Any) -> Any:
+    return CORE.near_any((states, radii, margins), 0.1, attached, 0.1)
 
 
 def soil() -> Arguments:
@@ -247,13 +243,11 @@ ENTRIES = {
     "extrapolated": Entry(CORE.extrapolated, lambda: {"states": zeros(13), "duration": 0.1}, rows=("states",)),
     "blended": Entry(CORE.blended, lambda: {"states": zeros(13), "targets": zeros(13), "share": 0.5}),
     "near_any": Entry(near_any, lambda: {
-        "states": zeros(13, 4), "radii": np.ones(4), "margins": np.ones(4), "places": zeros(3), "speeds": zeros(3),
-        "others": np.ones(SLOTS), "own": flags(),
-    }),
-    "may_touch": Entry(CORE.may_touch, lambda: {
-        "positions": zeros(3), "moved": zeros(3), "radii": np.ones(SLOTS), "guests": flags(), "solid": flags(),
-        "slack": 0.1,
-    }),
+        "states": zeros(13, 4), "radii": np.ones(4), "margins": np.ones(4), "attached": np.ones((SLOTS, 10)),
+    }, rows=("attached",)),
+    "may_touch": Entry(
+        CORE.may_touch, lambda: {"attached": np.ones((SLOTS, 10)), "duration": 0.1, "slack": 0.1}, rows=("attached",)
+    ),
     "may_meet": Entry(
         CORE.may_meet,
         lambda: {"origins": zeros(3), "ways": zeros(3) + 1.0, "ranges": np.ones(SLOTS), "boxes": zeros(6, 20)},

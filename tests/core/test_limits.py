@@ -100,10 +100,8 @@ def ground() -> Iterator[Any]:
 def test_slots_that_nobody_has_tiles_that_are_none_and_rules_that_are_no_numbers_are_refused(
     ground: Any, slot: int
 ) -> None:
-    states = np.zeros((1, 13)) if slot else np.zeros((0, 13))
     for wrong in (
         lambda: ground.detach(slot),
-        lambda: ground.read(np.array([slot], np.int64), states),
         lambda: ground.attach(slot, 0, -1, 0, BodyShape.ball(0.1)),  # PyBullet has no body
         lambda: ground.drive(slot, (0.0, 1.0, 0.0), 1.0),
         lambda: ground.wake(slot),
@@ -119,9 +117,8 @@ def test_slots_that_nobody_has_tiles_that_are_none_and_rules_that_are_no_numbers
 
 def test_slots_that_nobody_has_do_no_harm(ground: Any) -> None:
     assert ground.find_asleep() == ground.find_below() == ground.find_nowhere(1.0) == []
-    states = np.zeros((4, 13))
-    ground.read(np.arange(4), states)
-    assert np.isnan(states).all()
+    assert np.isnan(ground.read(np.array([0, 1, -1, 2**31 - 1, -(2**31), 2**62, -(2**63)]))).all()
+    assert len(ground.bodies()) == 0
 
 
 def test_arrays_are_views_of_the_core_which_they_keep() -> None:

@@ -235,6 +235,17 @@ def test_a_frame_moves_between_its_poses_to_second_order_and_stops_without_more(
     assert (deck.frame(time + 1.0).velocity == 0.0).all()
 
 
+def test_a_deck_may_become_thinner() -> None:
+    """What is below it is then no longer put onto it."""
+    terrain, deck = Terrain(), Deck(a_map())
+    terrain.put("deck", deck)
+    with World(terrain) as world:
+        deck.thickness = 0.5
+        world.spawn("ball", Sphere(0.1), 1.0, BodyState((0.0, 0.0, -1.0)))
+        world.step(10)
+        assert world.state("ball").position[2] < -1.0
+
+
 def test_a_copy_of_a_terrain_has_decks_of_its_own() -> None:
     deck, terrain = Deck(a_map()), Terrain()
     terrain.put("deck", deck)

@@ -22,6 +22,7 @@ from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.bodies import rotation
 from tests.core import mesh_parts
 from tests.examples import examples
+from tests.grounds import level, shaped, terrain_of
 from tests.terrain.surfaces import facet_distances, triangles_of
 
 HOLD = MotionConfig(mode="hold")
@@ -33,7 +34,7 @@ class Reaching:
     def __init__(self, ground: MainMesh | Terrain, shapes: Iterable[BodyShape], solid: BoolArray | bool = True) -> None:
         known, self.followers = list(shapes), Followers()
         for body, is_solid in enumerate(np.broadcast_to(solid, len(known)).tolist()):
-            self.followers.add(Follower(body, -1, known[body], is_solid), own=True)
+            self.followers.add(Follower(body, -1, known[body], is_solid))
         self.patches = ShownPatches(Terrain.of(ground), self.followers, Stopwatch())
 
     def at(self, positions: FloatArray, time: float = 0.0, speed: float = 0.0) -> PatchTable:
@@ -236,3 +237,14 @@ def test_patches_on_a_deck_are_those_on_the_same_ground_at_rest_seen_from_the_wo
 def _middle(points: FloatArray) -> int:
     """The point nearest to the mean of all, seen from above: where clients take the motion to hold."""
     return int(np.argmin(((points[:, :2] - points[:, :2].mean(axis=0)) ** 2).sum(axis=1)))
+
+
+def test_patches_on_a_deck_are_of_the_tiles_that_it_has_now() -> None:
+    deck = Deck(level())
+    bodies = balls_on(terrain_of(deck=deck), [0.1])
+    for height in (0.0, -0.05):
+        deck.put("", shaped(lambda x, y, height=height: height))  # type: ignore[misc]
+        assert bodies.at(np.zeros((1, 3))).points_w[:, 2] == pytest.approx(height)
+    deck.remove("")
+    deck.put("other", level())
+    assert bodies.at(np.zeros((1, 3))).tiles == ["deck/other"]

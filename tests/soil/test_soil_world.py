@@ -76,6 +76,16 @@ def test_what_sleeps_on_hard_soil_sinks_when_soft_soil_lies_there() -> None:
             assert world.state("box").position[2] < 0.096
 
 
+def test_soil_that_is_assigned_before_bodies_stand_on_it_counts() -> None:
+    with World(HeightMap(FLAT, resolution=0.04)) as world:
+        world.spawn("box", BOX, 20.0, BodyState((2.0, 2.0, 0.1)))
+        soil = Soil(world.terrain, ["lunar", "clay"])
+        world.terrain.tile("").soil = np.ones((101, 101), np.uint8)
+        world.ground.set_soil(soil)
+        world.step(240)
+        assert world.state("box").position[2] == pytest.approx(0.1, abs=1e-3)
+
+
 @pytest.mark.parametrize("samples", [1, 4, 5])
 def test_the_map_is_lower_by_the_sinkage_of_its_samples(samples: int) -> None:
     """Also of those at the edge of a print, and where fine samples lie in the middle between two of the map."""

@@ -61,6 +61,13 @@ def test_a_place_that_is_told_every_other_map_tells_the_motion_all_the_same() ->
     assert found[8:] == pytest.approx([0.02] * len(found[8:]), abs=0.007)
 
 
+def test_a_map_that_turns_by_the_least_of_all_numbers_slides_as_one_that_does_not_turn() -> None:
+    before, after = at(0.0, 1.0), at(0.03, 1.1, yaw=5e-324)
+    assert motion(before, after) == pytest.approx((0.3, 0.0, 0.0))
+    after.slide((0.3, 0.0), 0.1, spin=5e-323)
+    assert after.placed_at(1.2).origin == pytest.approx((0.06, 0.0, 0.0))
+
+
 places = st.tuples(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(-math.pi, math.pi))
 
 

@@ -56,6 +56,18 @@ std::vector<int> Attached::find_gone(bool of_proxies) const {
   });
 }
 
+std::vector<AttachedRow> Attached::rows() {
+  std::vector<AttachedRow> rows(slots.size());
+  BodyState state;
+  for (std::size_t k = 0; k < slots.size(); ++k) {
+    Slot& it = slots[k];
+    const auto& [solid, own, remote] = it.kind;
+    if (it.used && it.read(state))
+      rows[k] = {state.pose.at, state.linear, it.body_shape->radius, 1.0 * own, 1.0 * remote, 1.0 * solid};
+  }
+  return rows;
+}
+
 void Attached::remove(int index) {
   Slot& slot = slots[index];
   if (slot.body >= 0) {

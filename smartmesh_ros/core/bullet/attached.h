@@ -1,6 +1,7 @@
 // The bodies and links that are attached to the ground in a Bullet world.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "bullet/slot.h"
@@ -18,6 +19,13 @@ struct AttachedBody {
   bool driven = false, supported = false;
 };
 
+// An attached body as a row of numbers: position [m], NaN = it is gone, velocity [m/s] and bounding radius [m]. 1 =
+// this world moves it (`own`), another node simulates it (`remote`), or it collides (`solid`); otherwise 0.
+struct AttachedRow {
+  Vec3 at{NONE, NONE, NONE}, velocity;
+  double radius = 0.0, own = 0.0, remote = 0.0, solid = 0.0;
+};
+
 class Attached {
  public:
   explicit Attached(btDiscreteDynamicsWorld& world) : world_(world) {}
@@ -26,7 +34,9 @@ class Attached {
   std::vector<AttachedBody> bodies;  // by PyBullet's numbers
   std::vector<int> awake, asleep;    // slots in use, as of `list`
 
-  bool has(int slot) const { return slot >= 0 && slot < static_cast<int>(slots.size()) && slots[slot].used; }
+  bool has(std::int64_t slot) const {
+    return slot >= 0 && slot < static_cast<std::int64_t>(slots.size()) && slots[slot].used;
+  }
   // Returns what belongs to a PyBullet body, making it if needed; and true if links of it are attached.
   AttachedBody& body(int number);
   bool has_body(int number) const;
@@ -53,6 +63,8 @@ class Attached {
   }
   // Returns the slots whose bodies were removed from PyBullet, or whose proxies were and the bodies were not.
   std::vector<int> find_gone(bool of_proxies) const;
+  // Returns the bodies by slot.
+  std::vector<AttachedRow> rows();
   // Takes a slot out of use.
   void remove(int slot);
 

@@ -10,7 +10,10 @@ namespace smartmesh {
 namespace {
 
 // Returns the length of a chord over the length of its arc, for an arc of `angle` [rad].
-double chord(double angle) { return angle == 0.0 ? 1.0 : std::sin(0.5 * angle) / (0.5 * angle); }
+double chord(double angle) {
+  const double half = 0.5 * angle;  // of the least number it is zero
+  return half == 0.0 ? 1.0 : std::sin(half) / half;
+}
 
 }  // namespace
 

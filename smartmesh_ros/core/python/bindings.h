@@ -47,7 +47,6 @@ using Doubles2 = Array<const double, 2>;
 using Whole2 = Array<const std::int64_t, 2>;
 using Bytes2 = Array<const std::uint8_t, 2>;
 using Slots = Array<const std::int64_t, 1>;
-using Flags = Array<const bool, 1>;
 using States = Array<double, 2>;
 
 // Refuses a table that has not the shape (rows, columns).

@@ -86,9 +86,7 @@ NewTable lowest_points(const LowerSurface& surface, const Doubles2& poses, const
   const Vec3* first = records_of<Vec3>(up, "up");
   std::vector<Vec3> points;
   for (std::size_t k = 0; k < up.shape(0); ++k) surface.add_lowest(placed, first[k], points);
-  NewTable found = new_array<double, 2>({points.size(), 3});
-  std::copy(points.begin(), points.end(), reinterpret_cast<Vec3*>(found.data()));
-  return found;
+  return table_of(points);
 }
 
 // Returns the heights (n,) of the lower surface at points (n, 2) [m], NaN beside it.

@@ -166,62 +166,62 @@ struct Ground {
     if (!(size > 0.0 && std::isfinite(size))) throw std::invalid_argument("the axis must have a length");
     found->drive(slot, {{x, y, z}, speed});
   }
-  // Returns what the `slots` (n,) know of the past, (n, 23) as SlotMemory.
-  auto memory_of(Slots slots) const {
+  // Returns what the `slots` (n,) know of the past: (n, 23) as SlotMemory, and numbers of the parts of each on the
+  // soil.
+  auto memory(Slots slots) const {
     std::vector<SlotMemory> rows;
+    std::vector<std::vector<double>> parts;
     {
       const HeldWorld held = world();
-      for (std::size_t k = 0; k < slots.shape(0); ++k)
-        rows.push_back(smartmesh::memory_of(slot_in(held, slots.data()[k])));
+      for (std::size_t k = 0; k < slots.shape(0); ++k) {
+        const Slot& slot = slot_in(held, slots.data()[k]);
+        rows.push_back(memory_of(slot)), parts.push_back(parts_memory(slot, held->now.soil));
+      }
     }
-    auto found = new_array<double, 2>({slots.shape(0), sizeof(SlotMemory) / sizeof(double)});
-    std::copy(rows.begin(), rows.end(), reinterpret_cast<SlotMemory*>(found.data()));
-    return found;
+    nb::list of_parts;
+    for (const std::vector<double>& each : parts) of_parts.append(array_of<double, 1>(each, {each.size()}));
+    return nb::make_tuple(table_of(rows), of_parts);
   }
-  void recall(Slots slots, Doubles2 memory) {
-    const HeldWorld held = world();
+  void recall(Slots slots, Doubles2 memory, const std::vector<Doubles1>& parts) {
     const auto* rows = records_of<const SlotMemory>(memory, "the memory");
     check_table(memory, slots.shape(0), sizeof(SlotMemory) / sizeof(double), "the memory");
-    for (std::size_t k = 0; k < slots.shape(0); ++k) smartmesh::recall(slot_in(held, slots.data()[k]), rows[k]);
+    if (parts.size() != slots.shape(0)) throw std::invalid_argument("each slot has a list of its parts");
+    for (const Doubles1& each : parts) check_alignment(each.data(), sizeof(double));
+    const HeldWorld held = world();
+    held->attached.find_objects();
+    for (std::size_t k = 0; k < slots.shape(0); ++k) {
+      Slot& slot = slot_in(held, slots.data()[k]);
+      smartmesh::recall(slot, rows[k]);
+      if (!recall_parts(slot, held->now.soil, parts[k].data(), parts[k].shape(0)))
+        throw std::invalid_argument("the parts on the soil are those of another body");
+    }
     held->sleep.take_gravity();
   }
-  // Returns what a slot knows of its parts on the soil (n,), and takes it over.
-  auto parts_memory(int slot) const {
-    std::vector<double> found;
-    {
-      const HeldWorld held = world();
-      found = smartmesh::parts_memory(slot_in(held, slot), held->now.soil);
-    }
-    return array_of<double, 1>(found, {found.size()});
-  }
-  void recall_parts(int slot, Doubles1 numbers) {
-    const HeldWorld held = world();
-    check_alignment(numbers.data(), sizeof(double));
-    held->attached.find_objects();
-    if (!smartmesh::recall_parts(slot_in(held, slot), held->now.soil, numbers.data(), numbers.shape(0)))
-      throw std::invalid_argument("the parts on the soil are those of another body");
-  }
   static int checked_slot(const BulletWorld& held, std::int64_t slot) {
-    if (slot < 0 || slot > MOST_SLOTS || !held.attached.has(static_cast<int>(slot)))
-      throw std::invalid_argument("no attached body has this slot");
+    if (!held.attached.has(slot)) throw std::invalid_argument("no attached body has this slot");
     return static_cast<int>(slot);
   }
   static Slot& slot_in(const HeldWorld& held, std::int64_t slot) {
     return held->attached.slots[checked_slot(*held.world, slot)];
   }
-  // Writes the states of the bodies in `slots` (n,) to `states` (S, 13); NaN for bodies that are gone.
-  void read(Slots slots, States states) {
-    check_table(states, states.shape(0), BODY_COLUMNS, "states");
+  // Returns the states (n, 13) of the bodies in `slots` (n,); NaN in slots that nobody has, and for bodies that are
+  // gone.
+  NewTable read(Slots slots) {
+    check_alignment(slots.data(), sizeof(std::int64_t));
+    NewTable states = new_array<double, 2>({slots.shape(0), BODY_COLUMNS});
+    std::fill_n(states.data(), states.size(), NONE);
     const HeldWorld found = world();
     found->attached.find_objects();
-    for (std::size_t k = 0; k < slots.shape(0); ++k) {
-      const std::int64_t slot = slots.data()[k];
-      if (slot < 0 || slot >= static_cast<std::int64_t>(states.shape(0)))
-        throw std::invalid_argument("a slot is not in states");
-      if (!found->attached.has(static_cast<int>(slot)) ||
-          !found->attached.slots[slot].read(rows_of<BodyState>(states)[slot]))
-        std::fill_n(states.data() + BODY_COLUMNS * slot, BODY_COLUMNS, NONE);
-    }
+    for (std::size_t k = 0; k < slots.shape(0); ++k)
+      if (found->attached.has(slots.data()[k]))
+        found->attached.slots[slots.data()[k]].read(reinterpret_cast<BodyState*>(states.data())[k]);
+    return states;
+  }
+  // Returns the attached bodies by slot, (S, 10).
+  std::vector<AttachedRow> bodies() const {
+    const HeldWorld found = world();
+    found->attached.find_objects();
+    return found->attached.rows();
   }
   // Returns the point [m], the normal and the depth [m] of the deepest contact of a slot now, None if there is none.
   auto deepest_contact(int slot) {
@@ -278,14 +278,13 @@ void add_ground(nb::module_& m) {
       .def("is_asleep", &Ground::is_asleep, "slot"_a)
       .def("find_asleep", [](const Ground& g) { return g.world()->attached.list_asleep(); })
       .def("drive", &Ground::drive, "slot"_a, "axis"_a, "speed"_a)
-      .def("memory_of", &Ground::memory_of, "slots"_a.noconvert())
-      .def("recall", &Ground::recall, "slots"_a.noconvert(), "memory"_a.noconvert())
-      .def("parts_memory", &Ground::parts_memory, "slot"_a)
-      .def("recall_parts", &Ground::recall_parts, "slot"_a, "numbers"_a.noconvert())
+      .def("memory", &Ground::memory, "slots"_a.noconvert())
+      .def("recall", &Ground::recall, "slots"_a.noconvert(), "memory"_a.noconvert(), "parts"_a.noconvert())
       .def("forget", [](const Ground& g) { g.world()->forget(); })
       .def("keep_apart", &Ground::keep_apart, "body"_a)
       .def("deepest_contact", &Ground::deepest_contact, "slot"_a)
-      .def("read", &Ground::read, "slots"_a.noconvert(), "states"_a.noconvert());
+      .def("bodies", [](const Ground& g) { return table_of(g.bodies()); })
+      .def("read", &Ground::read, "slots"_a.noconvert());
   add_number<&Instant::time>(ground, "time");
   add_number<&Instant::duration>(ground, "duration");
   add_number<&Instant::margin>(ground, "margin");

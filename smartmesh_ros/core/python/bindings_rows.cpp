@@ -3,6 +3,7 @@
 #include <cmath>
 #include <string>
 
+#include "bullet/attached.h"
 #include "math/box_tree.h"
 #include "python/tables.h"
 #include "shape/solid.h"
@@ -127,29 +128,23 @@ NewTable blended_states(Doubles2 states, Doubles2 targets, double share) {
   return drawn;
 }
 
-// Remote bodies: `states`, bounding `radii` [m], and `margins` [m] within which they are near. Attached ones:
-// `positions` [m], NaN = unknown, `velocities` [m/s], bounding `radii` [m], and which of them are this world's `own`.
-using Remote = std::tuple<Doubles2, Doubles1, Doubles1>;
-using Attached = std::tuple<Doubles2, Doubles2, Doubles1, Flags>;
-
 // Returns which remote bodies, extrapolated by a `duration` [s], are near (n,): with the bounding sphere within the
-// margin of that of any own body, or able to come there within a `horizon` [s] at their relative speed.
-NewFlags near_any(Remote remote, double duration, Attached attached, double horizon) {
+// margin of that of any own one of the `attached` bodies, or able to come there within a `horizon` [s] at their
+// relative speed. `remote`: `states`, bounding `radii` [m], and `margins` [m].
+NewFlags near_any(std::tuple<Doubles2, Doubles1, Doubles1> remote, double duration, Doubles2 attached, double horizon) {
   const auto& [states, radii, margins] = remote;
-  const auto& [positions, velocities, own_radii, own] = attached;
-  const std::size_t count = states.shape(0), bodies = positions.shape(0);
+  const std::size_t count = states.shape(0);
   check_table(states, count, BODY_COLUMNS, "states");
   check_list(radii, count, "radii"), check_list(margins, count, "margins");
-  check_table(positions, bodies, 3, "positions"), check_table(velocities, bodies, 3, "velocities");
-  check_list(own_radii, bodies, "radii"), check_list(own, bodies, "own");
   finite(duration, "the duration"), finite(horizon, "the horizon");
-  const Vec3 *at = rows_of<Vec3>(positions), *speeds = rows_of<Vec3>(velocities);
-  Bounds bounds;  // of the own bodies whose positions are known
+  std::vector<AttachedRow> own;
+  Bounds bounds;
   double fastest = 0.0, largest = 0.0;
-  for (std::size_t j = 0; j < bodies; ++j) {
-    if (!own.data()[j] || std::isnan(at[j].x)) continue;
-    bounds.add(at[j]);
-    fastest = std::max(fastest, norm(speeds[j])), largest = std::max(largest, own_radii.data()[j]);
+  const AttachedRow* rows = records_of<AttachedRow>(attached, "attached");
+  for (const AttachedRow* row = rows; row < rows + attached.shape(0); ++row) {
+    if (!row->own || std::isnan(row->at.x)) continue;
+    own.push_back(*row), bounds.add(row->at);
+    fastest = std::max(fastest, norm(row->velocity)), largest = std::max(largest, row->radius);
   }
   const Vec3 &low = bounds.low, &high = bounds.high;
   NewFlags near = new_array<bool, 1>({count});
@@ -159,34 +154,33 @@ NewFlags near_any(Remote remote, double duration, Attached attached, double hori
     const double radius = radii.data()[i] + margins.data()[i];
     const double most = radius + largest + (norm(velocity) + fastest) * horizon;
     if (p.x < low.x - most || p.x > high.x + most || p.y < low.y - most || p.y > high.y + most) continue;
-    for (std::size_t j = 0; j < bodies && !near.data()[i]; ++j) {
-      const double square = norm2(at[j] - p);
-      if (!(square < most * most) || !own.data()[j]) continue;
-      const double comes = norm(velocity - speeds[j]) * horizon;
-      near.data()[i] = std::sqrt(square) < radius + own_radii.data()[j] + comes;
-    }
+    near.data()[i] = std::any_of(own.begin(), own.end(), [&](const AttachedRow& row) {
+      const double square = norm2(row.at - p);
+      return square < most * most && std::sqrt(square) < radius + row.radius + norm(velocity - row.velocity) * horizon;
+    });
   }
   return near;
 }
 
-// Returns which `guests` (n,) came within a `slack` [m] of the bounding sphere of another `solid` body in the last
-// step. Bodies: `positions` [m] before the step, by how much they `moved` in it [m], and bounding `radii` [m].
-NewFlags may_touch(Doubles2 positions, Doubles2 moved, Doubles1 radii, Flags guests, Flags solid, double slack) {
-  const std::size_t count = positions.shape(0);
-  check_table(positions, count, 3, "positions"), check_table(moved, count, 3, "moved");
-  check_list(radii, count, "radii"), check_list(guests, count, "guests"), check_list(solid, count, "solid");
-  finite(slack, "the slack");
-  const Vec3 *at = rows_of<Vec3>(positions), *ways = rows_of<Vec3>(moved);
-  double most = 0.0;  // largest radius and motion of a solid body [m]
-  for (std::size_t j = 0; j < count; ++j)
-    if (solid.data()[j]) most = std::max(most, radii.data()[j] + norm(ways[j]));
+// Returns which remote ones (n,) of the `attached` bodies (n, 10) came within a `slack` [m] of the bounding sphere of
+// another solid one in the last step of `duration` [s], after which bodies move at their velocities.
+NewFlags may_touch(Doubles2 attached, double duration, double slack) {
+  const AttachedRow* rows = records_of<AttachedRow>(attached, "attached");
+  finite(duration, "the duration"), finite(slack, "the slack");
+  const std::size_t count = attached.shape(0);
+  std::vector<Vec3> at(count), ways(count);  // before the step, and in it
+  double most = 0.0;                         // largest radius and motion of a solid body [m]
+  for (std::size_t j = 0; j < count; ++j) {
+    ways[j] = rows[j].velocity * duration, at[j] = rows[j].at - ways[j];
+    if (rows[j].solid) most = std::max(most, rows[j].radius + norm(ways[j]));
+  }
   NewFlags found = new_array<bool, 1>({count});
   for (std::size_t i = 0; i < count; ++i) {
-    const double radius = radii.data()[i] + slack, farthest = radius + norm(ways[i]) + most;
-    for (std::size_t j = 0; guests.data()[i] && j < count && !found.data()[i]; ++j) {
+    const double radius = rows[i].radius + slack, farthest = radius + norm(ways[i]) + most;
+    for (std::size_t j = 0; rows[i].remote && j < count && !found.data()[i]; ++j) {
       const double square = norm2(at[i] - at[j]);
-      if (!(square < farthest * farthest) || !solid.data()[j] || i == j) continue;
-      const double near = radius + radii.data()[j] + norm(ways[i] - ways[j]);
+      if (!(square < farthest * farthest) || !rows[j].solid || i == j) continue;
+      const double near = radius + rows[j].radius + norm(ways[i] - ways[j]);
       found.data()[i] = square < near * near;
     }
   }
@@ -241,8 +235,7 @@ void add_rows(nb::module_& m) {
   m.def("extrapolated", &extrapolated_states, "states"_a.noconvert(), "duration"_a);
   m.def("blended", &blended_states, "states"_a.noconvert(), "targets"_a.noconvert(), "share"_a);
   m.def("near_any", &near_any, "remote"_a.noconvert(), "duration"_a, "attached"_a.noconvert(), "horizon"_a);
-  m.def("may_touch", &may_touch, "positions"_a.noconvert(), "moved"_a.noconvert(), "radii"_a.noconvert(),
-        "guests"_a.noconvert(), "solid"_a.noconvert(), "slack"_a);
+  m.def("may_touch", &may_touch, "attached"_a.noconvert(), "duration"_a, "slack"_a);
   m.def("may_meet", &may_meet, "origins"_a.noconvert(), "ways"_a.noconvert(), "ranges"_a.noconvert(),
         "boxes"_a.noconvert());
   m.def("split_bodies", &split_bodies, "content"_a.noconvert(), "at"_a, "rows"_a.noconvert());

@@ -41,4 +41,12 @@ auto array_of(const std::vector<T>& values, const std::array<std::size_t, N>& sh
 using NewTable = nb::ndarray<nb::numpy, double, nb::ndim<2>>;
 using NewFlags = nb::ndarray<nb::numpy, bool, nb::ndim<1>>;
 
+// Returns records of doubles as the rows of a new table.
+template <class Record>
+NewTable table_of(const std::vector<Record>& rows) {
+  NewTable made = new_array<double, 2>({rows.size(), sizeof(Record) / sizeof(double)});
+  std::copy(rows.begin(), rows.end(), reinterpret_cast<Record*>(made.data()));
+  return made;
+}
+
 }  // namespace smartmesh

@@ -148,7 +148,7 @@ class Diagnostics:
     def _bodies(self) -> tuple[bytes, str, dict[str, Any]]:
         world, peers = self._world, self._peers.summaries()
         below = world.below_ground()
-        patches, remote = len(world.patches().slots), int(world.followers.table["remote"].sum())
+        patches, remote = len(world.patches().slots), sum(follower.remote for follower in world.followers)
         values: dict[str, Any] = {
             "simulated": sum(body.simulated for body in world.bodies.values()),
             "tracked": sum(body.tracked for body in world.bodies.values()),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from array import array
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
+from dataclasses import astuple, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -40,9 +40,10 @@ class StateServices:
         if file is not None and exists(file) and not state_file.is_state(state_file.read(file)):
             raise InputError("state", f"{file} is there, and is no saved state; choose another name")
         initial, robot = self._node.initial, self._node.robot
+        bases = {name: [*astuple(base.memory)] for name, base in self._session.bases.items()}
         extra: dict[str, Any] = {
             "frame_id": self._session.frame_id, "waiting": [*initial.waiting], "described": bool(robot.urdf),
-            "names": sorted(initial.names), "bases": {name: [*at.memory] for name, at in self._session.bases.items()},
+            "names": sorted(initial.names), "bases": bases,
             "starts": {name: [*at.position, *at.orientation] for name, at in initial.starts.items()},
         }  # fmt: skip
         data = self._session.world.save(file, extra=extra)

@@ -93,7 +93,9 @@ def set_masses(client: Any, uid: int, urdf: str) -> tuple[str, str]:
             continue
         if joint[2] in _MOVING and not moved[index + 1]:
             needed.append(name)
-            _set_needed_mass(client, uid, index)
+            # With the inertia of the shapes, if there are any.
+            moments = {} if client.getCollisionShapeData(uid, index) else {"localInertiaDiagonal": [NEEDED_INERTIA] * 3}
+            client.changeDynamics(uid, index, mass=NEEDED_MASS, **moments)
         else:
             without.append(name)
             client.changeDynamics(uid, index, mass=0.0)
@@ -106,13 +108,6 @@ def set_masses(client: Any, uid: int, urdf: str) -> tuple[str, str]:
         f"links without <inertial> weigh {NEEDED_MASS:g} kg each, because a joint or the root needs a mass to "
         f"move: {', '.join(needed)}; give them an <inertial>"
     )
-
-
-def _set_needed_mass(client: Any, uid: int, index: int) -> None:
-    if client.getCollisionShapeData(uid, index):
-        client.changeDynamics(uid, index, mass=NEEDED_MASS)  # with the inertia of the shapes
-    else:
-        client.changeDynamics(uid, index, mass=NEEDED_MASS, localInertiaDiagonal=[NEEDED_INERTIA] * 3)
 
 
 def damp_joints(client: Any, uid: int, damping: Mapping[int, float], dt: float) -> dict[int, float]:

@@ -115,7 +115,8 @@ def _rewritten(urdf: str, robot: Description) -> PreparedRobot:
     for collision in made.iter("collision"):
         collision.attrib.pop("concave", None)  # meshes collide as convex hulls
         for element in collision.iter("mesh"):
-            mesh = _mesh(element, robot.folder)
+            path = named_file(element.get("filename", ""), robot.folder)
+            mesh = Mesh(path, scale_of(element), _digest(path))
             meshes.append(mesh)
             element.attrib = {"filename": mesh.name}
     ElementTree.indent(made)  # PyBullet breaks lines longer than its buffer, even within a number
@@ -125,11 +126,6 @@ def _rewritten(urdf: str, robot: Description) -> PreparedRobot:
         notes=tuple(filter(None, notes)), warnings=tuple(filter(None, warnings)),
         surfaces=surface_drives_of(robot), starts=starts,
     )  # fmt: skip
-
-
-def _mesh(element: ElementTree.Element, folder: Path | None) -> Mesh:
-    path = named_file(element.get("filename", ""), folder)
-    return Mesh(path, scale_of(element), _digest(path))
 
 
 def _digest(path: Path) -> str:

@@ -135,7 +135,7 @@ def patches_of(
     ground: HeightMap, radii: list[float], positions: np.ndarray, config: ReportConfig = SOLID, time: float = 0.0
 ) -> list[PatchBatch]:
     """Patches of balls of ``radii`` (N,) at positions (N, 3) [m], without a physics world."""
-    followers: Any = SimpleNamespace(radii=np.array(radii), table={"alive": np.ones(len(radii), bool)})
+    followers: Any = [SimpleNamespace(radius=radius) for radius in radii]
     states = np.zeros((len(positions), BODY_COLUMNS))
     states[:, :3], states[:, 6] = positions, 1.0
     chosen = ChosenPatches(config, followers)
