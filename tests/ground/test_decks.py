@@ -233,6 +233,17 @@ def test_a_frame_moves_between_its_poses_to_second_order_and_stops_without_more(
     assert errors[0] / errors[1] == pytest.approx(8.0, rel=0.2)
     assert deck.moving(time + 0.2) and not deck.moving(time + 0.23)
     assert (deck.frame(time + 1.0).velocity == 0.0).all()
+    frames = [deck.frame(time + 1e-3 * number) for number in range(300)]
+    ways, speeds = np.diff([frame.position for frame in frames], axis=0), np.array([frame.velocity for frame in frames])
+    assert ways == pytest.approx(1e-3 * 0.5 * (speeds[1:] + speeds[:-1]), abs=1e-6)
+    assert np.abs(np.diff(speeds, axis=0)).max() < 0.02
+
+
+def test_a_frame_that_stops_does_not_go_back() -> None:
+    deck = Deck(a_map())
+    for time in (0.0, 0.1, 0.2, 0.3, 0.4):
+        deck.move((min(time, 0.3), 0.0, 0.0), time=time)
+    assert deck.frame(0.45).position[0] == pytest.approx(0.3, abs=1e-12)
 
 
 def test_a_copy_of_a_terrain_has_decks_of_its_own() -> None:
