@@ -17,7 +17,6 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.world.driving import Carrier
-from studies.records.touchdown import speed_at_deck
 from tests.bodies import rotation
 from tests.core import mesh_parts
 from tests.grounds import level, world_of
@@ -107,34 +106,6 @@ def test_a_box_at_rest_rides_on_a_deck_that_rolls_pitches_and_heaves(
     later = np.array(found)[120:]  # once four poses tell how the deck moves
     assert np.abs(later[:, 2] - 0.15).max() < (2e-3 if is_tracked else 1e-4)
     assert np.linalg.norm(later[:, :2] - later[0, :2], axis=1).max() < (2e-3 if is_tracked else 1e-3)  # of a way of 1 m
-
-
-@pytest.mark.parametrize("phase", range(8))
-def test_a_ball_rebounds_with_its_restitution_in_each_phase_of_a_heaving_deck(phase: int) -> None:
-    """Both flights are followed to where they meet the deck: v' = e v, relative to it."""
-    ship, restitution, radius = Ship(heave=1.0, surge=0.0, tilt=0.0, phase=math.tau * phase / 8), 0.6, 0.1
-
-    def met() -> float:
-        """Speed relative to the deck where the flight of now meets it [m/s]."""
-        state, now = world.state("ball"), world.time
-        return speed_at_deck(height, now, state.position[2] - radius - height(now), state.linear[2])
-
-    def height(time: float) -> float:
-        return float(ship.position(time)[2])
-
-    with on_deck(Deck(a_map()), restitution=restitution) as world:
-        world.spawn("ball", Sphere(radius), 1.0, BodyState(tuple(ship.to_world(np.array([0.0, 0.0, 1.2]), 0.0))))
-        closing = leaving = 0.0
-        while not leaving and world.time < 2.0:
-            ship.move(world.terrain.deck("deck"), world.time)
-            world.step()
-            state = world.state("ball")
-            if not closing and state.position[2] - radius - height(world.time) < 0.5:
-                closing = met()
-            elif closing and state.linear[2] - ship.velocity(np.zeros(3), world.time)[2] > 0.5:
-                leaving = met()
-    assert closing < 0.0
-    assert leaving == pytest.approx(-restitution * closing, rel=0.02)
 
 
 def test_a_deck_is_as_thick_as_it_is() -> None:
