@@ -18,7 +18,9 @@ import coal
 import numpy as np
 import pytest
 
+from smartmesh_ros import HeightMap
 from smartmesh_ros.core import _core
+from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.core import contact_cases, mesh_parts
 from tests.core.contact_cases import IDENTITY, SHAPES, Case, Facets, body, distance, random_case
@@ -178,3 +180,15 @@ def test_distances_from_meshes_are_exact_and_no_shallow_overlap_is_missed(form: 
             wrong.append((seed, true, found))
     assert not wrong
     assert apart > 10 and shallow > 5
+
+
+@pytest.mark.parametrize("third", [(0.2, 0.2, 0.0), (0.1, 0.0, 0.0)], ids=["flat", "line"])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_spike_touches_hulls_without_volume_from_either_side(third: tuple[float, ...], side: float) -> None:
+    heights = np.zeros((9, 9))
+    heights[4, 4] = 0.1
+    shape = BodyShape.hull(np.array([(-0.2, 0.0, 0.0), (0.2, -third[1], 0.0), third]), 0.0)
+    pose = np.vstack([np.diag([1.0, side, side]), [0.4, 0.4, 0.11]])
+    tile = HeightMap(heights, resolution=0.1).core_reader
+    found = np.asarray(_core.find_contacts(shape, [tile], pose, np.zeros((2, 3)), 0.0, 0.02))
+    assert nearest(found) == pytest.approx(0.01, abs=1e-6)

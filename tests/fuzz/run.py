@@ -23,7 +23,7 @@ from rclpy.serialization import serialize_message
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from tests.fuzz import seeds
 from tests.fuzz.mutations import mutated, spoil
-from tests.fuzz.target import FindingError, Target
+from tests.fuzz.target import FindingError, Target, target
 from tests.fuzz.wire import over_the_wire
 
 # Every node takes one of these inputs, and changes of the terrain mean one of these two.
@@ -58,10 +58,10 @@ def stream(target: Target, count: int, rng: np.random.Generator) -> Iterator[tup
 
 def attack(terrain_input: str, changes: str, count: int, seed: int, record: Path | None = None) -> dict[str, Any]:
     """Gives ``count`` messages to one node and returns the counts. Raises `FindingError`."""
-    with Target(terrain_input, record, changes) as target:
-        for name, data in stream(target, count, np.random.default_rng(seed)):
-            target.give(name, data)
-        return target.result()
+    with target(terrain_input, record, changes) as node:
+        for name, data in stream(node, count, np.random.default_rng(seed)):
+            node.give(name, data)
+        return node.result()
 
 
 def _work(count: int, seed: int, folder: Path) -> None:

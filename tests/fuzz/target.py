@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import traceback
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import rclpy
-from rclpy.context import Context
+import pytest
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
 
@@ -20,6 +21,7 @@ from smartmesh_ros.node.services.turns import Turns, Work
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.terrain.heightmap import HeightMap
 from tests.fuzz.oracle import maps_of, on_map, require_taken
+from tests.node.shared import made_with
 
 BASE = {
     "terrain.motion": "hold",
@@ -35,7 +37,6 @@ PARAMETERS = ("set_parameters", "set_parameters_atomically")
 TERRAIN = ("heightmap", "heightmap_update", "terrain_mesh", "terrain_mesh_update", *RASTERS)
 MOST_BODIES = 8
 MOST_STEPS = 20
-DOMAIN = 101  # nobody sends anything there; the bytes are handed over by hand
 
 
 class FindingError(AssertionError):
@@ -49,13 +50,8 @@ class FindingError(AssertionError):
 class Target:
     """The node, its inputs by name, and counts of what became of the messages."""
 
-    def __init__(self, terrain_input: str = "heightmap", record: Path | None = None, changes: str = "motion") -> None:
-        self._most_steps, terrain_collider.MOST_STEPS = terrain_collider.MOST_STEPS, MOST_STEPS
-        self._context = Context()
-        rclpy.init(context=self._context, domain_id=DOMAIN)
-        values = {**BASE, "terrain.input": terrain_input, "terrain.changes": changes}
-        overrides = [Parameter(name, value=value) for name, value in values.items()]
-        self.node = TerrainCollider(context=self._context, parameter_overrides=overrides)
+    def __init__(self, node: TerrainCollider, record: Path | None) -> None:
+        self.node = node
         self.node.refusals._logger = SimpleNamespace(warning=lambda _: None)
         self.counts: Counter[str] = Counter()
         self.compared: Counter[str] = Counter()
@@ -67,14 +63,6 @@ class Target:
         self._services = services
         self._base = {name: self.node.get_parameter(name).value for name in terrain_collider.parameters.NAMES}
         self._given = 0
-
-    def __enter__(self) -> Target:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.node.destroy_node()
-        rclpy.shutdown(context=self._context)
-        terrain_collider.MOST_STEPS = self._most_steps
 
     def result(self) -> dict[str, Any]:
         """What became of the messages, refusals by reason, and what was compared."""
@@ -207,6 +195,15 @@ class Target:
                 world.remove(name)
         for name in [name for name in world.terrain.tiles if name not in ("", "far", "mesh")]:
             world.terrain.remove(name)
+
+
+@contextmanager
+def target(terrain_input: str = "heightmap", record: Path | None = None, changes: str = "motion") -> Iterator[Target]:
+    """A node in this process that writes down each message in a file ``record`` before it takes it."""
+    values = {**BASE, "terrain.input": terrain_input, "terrain.changes": changes}
+    with pytest.MonkeyPatch.context() as patch, made_with(TerrainCollider, values) as node:
+        patch.setattr(terrain_collider, "MOST_STEPS", MOST_STEPS)
+        yield Target(node, record)
 
 
 def _correcting(mesh: Any) -> bool:

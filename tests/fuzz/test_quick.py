@@ -14,7 +14,7 @@ from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
 from tests.fuzz.mutations import mutated, spoil
 from tests.fuzz.run import SETTINGS, attack
 from tests.fuzz.seeds import make
-from tests.fuzz.target import Target
+from tests.fuzz.target import target
 from tests.fuzz.wire import bombard
 
 
@@ -100,20 +100,9 @@ FAULTS: dict[str, tuple[list[tuple[str, Any]], int]] = {
 
 @pytest.mark.parametrize(("given", "refused"), FAULTS.values(), ids=FAULTS)
 def test_messages_that_once_did_harm(given: list[tuple[str, Any]], refused: int) -> None:
-    with Target() as target:
+    with target() as fire:
         for name, message in given:
-            target.give(name, message if isinstance(message, bytes) else serialize_message(message))
-        world = target.node.session.world
-        assert target.counts[f"{name}: refused"] == refused
+            fire.give(name, message if isinstance(message, bytes) else serialize_message(message))
+        world = fire.node.session.world
+        assert fire.counts[f"{name}: refused"] == refused
         assert not refused or (len(world.bodies), len(world.terrain.tiles)) == (0, len(given) - refused)
-
-
-def test_a_body_that_leaves_everything_is_taken_out_and_named() -> None:
-    with Target() as target:
-        target.give("spawn_body", serialize_message(spawning()))
-        world = target.node.session.world
-        [body] = world.bodies.values()
-        world.client.resetBasePositionAndOrientation(body.uid, (1e9, 0, 0), (0, 0, 0, 1))
-        target.node.tick()
-        assert not world.bodies
-        assert target.node.refusals.counts["physics: lost"] == 1

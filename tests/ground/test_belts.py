@@ -48,23 +48,6 @@ def ride(
     return lambda time: states[round(240.0 * time)]
 
 
-def test_a_belt_that_ramps_stops_and_comes_back_has_the_box_on_it() -> None:
-    """To 0.3 m/s in 2 s and on for 1 s, at rest for 1 s, and back at 0.3 m/s."""
-
-    def place(time: float) -> tuple[float, float, float]:
-        out = 0.075 * min(time, 2.0) ** 2 + 0.3 * min(max(time - 2.0, 0.0), 1.0)
-        return out - 0.3 * max(time - 4.0, 0.0), 0.0, 0.0
-
-    gone = ride(place, 5.0, (0.013, 0.017))
-    assert gone(1.0).linear[0] == pytest.approx(0.15, abs=0.02)
-    assert gone(2.9).linear[0] == pytest.approx(0.3, abs=0.02)
-    assert gone(2.9).position[0] - 0.013 == pytest.approx(place(2.9)[0], abs=0.03)
-    assert abs(gone(3.3).linear[0]) < 1e-3
-    assert gone(3.3).position[0] == pytest.approx(gone(4.0).position[0], abs=1e-3)
-    assert gone(4.9).linear[0] == pytest.approx(-0.3, abs=0.02)
-    assert gone(5.0).position[0] - 0.013 == pytest.approx(place(5.0)[0], abs=0.05)
-
-
 def test_a_belt_that_passes_whole_cells_a_map_goes_on() -> None:
     """From 4 to 8 m/s in 2 s: at 6 m/s its maps come a cell further on each time."""
     found = ride(lambda time: (4.0 * time + time * time, 0.0, 0.0), 1.2, (0.5, 0.0), speed=4.0)

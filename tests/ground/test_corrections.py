@@ -9,7 +9,7 @@ from smartmesh_ros import BodyState, HeightMap, MotionConfig, World
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.terrain.grid import FloatArray
 from tests.bodies import rotation
-from tests.grounds import level, shaped, terrain_of, world_of
+from tests.grounds import level, moving, shaped, terrain_of, world_of
 from tests.urdfs import HUSKY
 
 CELLS = 61
@@ -164,3 +164,15 @@ def test_a_body_goes_with_its_tile_although_another_is_taken_away_at_once() -> N
         assert abs(depth) < 0.01
         assert world.rescues == 0
         assert world.state("box").position[2] == pytest.approx(0.45, abs=0.001)
+
+
+def test_a_wide_box_keeps_its_contacts_where_the_ground_flickers() -> None:
+    """Else its friction would start anew, and its weight shift, with each map."""
+    rng, changes, before = np.random.default_rng(1), 0, None
+    with World(corrected()) as world:
+        world.spawn("box", Box(2.0, 2.0, 0.2), 10.0, BodyState((0.0, 0.0, 0.1)))
+        for step in moving(world, lambda _: rng.uniform(-1e-4, 1e-4, FLAT.shape), 240):
+            contacts = sorted(tuple(np.round(contact.position[:2], 2) + 0.0) for contact in world.contacts())
+            changes += step > 60 and contacts != before
+            before = contacts
+    assert changes < 30

@@ -17,7 +17,6 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.world.driving import Carrier
-from studies.records.touchdown import speed_at_deck
 from tests.bodies import rotation
 from tests.core import mesh_parts
 from tests.grounds import level, world_of
@@ -107,34 +106,6 @@ def test_a_box_at_rest_rides_on_a_deck_that_rolls_pitches_and_heaves(
     later = np.array(found)[120:]  # once four poses tell how the deck moves
     assert np.abs(later[:, 2] - 0.15).max() < (2e-3 if is_tracked else 1e-4)
     assert np.linalg.norm(later[:, :2] - later[0, :2], axis=1).max() < (2e-3 if is_tracked else 1e-3)  # of a way of 1 m
-
-
-@pytest.mark.parametrize("phase", range(8))
-def test_a_ball_rebounds_with_its_restitution_in_each_phase_of_a_heaving_deck(phase: int) -> None:
-    """Both flights are followed to where they meet the deck: v' = e v, relative to it."""
-    ship, restitution, radius = Ship(heave=1.0, surge=0.0, tilt=0.0, phase=math.tau * phase / 8), 0.6, 0.1
-
-    def met() -> float:
-        """Speed relative to the deck where the flight of now meets it [m/s]."""
-        state, now = world.state("ball"), world.time
-        return speed_at_deck(height, now, state.position[2] - radius - height(now), state.linear[2])
-
-    def height(time: float) -> float:
-        return float(ship.position(time)[2])
-
-    with on_deck(Deck(a_map()), restitution=restitution) as world:
-        world.spawn("ball", Sphere(radius), 1.0, BodyState(tuple(ship.to_world(np.array([0.0, 0.0, 1.2]), 0.0))))
-        closing = leaving = 0.0
-        while not leaving and world.time < 2.0:
-            ship.move(world.terrain.deck("deck"), world.time)
-            world.step()
-            state = world.state("ball")
-            if not closing and state.position[2] - radius - height(world.time) < 0.5:
-                closing = met()
-            elif closing and state.linear[2] - ship.velocity(np.zeros(3), world.time)[2] > 0.5:
-                leaving = met()
-    assert closing < 0.0
-    assert leaving == pytest.approx(-restitution * closing, rel=0.02)
 
 
 def test_a_deck_is_as_thick_as_it_is() -> None:
@@ -233,6 +204,17 @@ def test_a_frame_moves_between_its_poses_to_second_order_and_stops_without_more(
     assert errors[0] / errors[1] == pytest.approx(8.0, rel=0.2)
     assert deck.moving(time + 0.2) and not deck.moving(time + 0.23)
     assert (deck.frame(time + 1.0).velocity == 0.0).all()
+    frames = [deck.frame(time + 1e-3 * number) for number in range(300)]
+    ways, speeds = np.diff([frame.position for frame in frames], axis=0), np.array([frame.velocity for frame in frames])
+    assert ways == pytest.approx(1e-3 * 0.5 * (speeds[1:] + speeds[:-1]), abs=1e-6)
+    assert np.abs(np.diff(speeds, axis=0)).max() < 0.02
+
+
+def test_a_frame_that_stops_does_not_go_back() -> None:
+    deck = Deck(a_map())
+    for time in (0.0, 0.1, 0.2, 0.3, 0.4):
+        deck.move((min(time, 0.3), 0.0, 0.0), time=time)
+    assert deck.frame(0.45).position[0] == pytest.approx(0.3, abs=1e-12)
 
 
 def test_a_deck_may_become_thinner() -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, Material, Sphere, World
 from smartmesh_ros.ground.shapes import Capsule, Shape
+from studies.soil.trials import least
 from tests.bodies import LYING, UPRIGHT, about_z, ground_of, height, put, run
 from tests.grounds import end_of, level, shaped, world_of
 from tests.urdfs import link, robot
@@ -58,11 +59,7 @@ SHAPES: list[Any] = [
 
 def depth_of(volume: Any) -> float:
     """The depth at which the pressures carry the body [m]."""
-    low, high = 0.0, 0.1
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if STIFFNESS * volume(middle) < MASS * GRAVITY else (low, middle)
-    return low
+    return least(lambda depth: STIFFNESS * volume(depth) >= MASS * GRAVITY, 0.0, 0.1)
 
 
 @pytest.mark.parametrize("rate", RATES)

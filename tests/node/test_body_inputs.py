@@ -238,6 +238,16 @@ def test_a_body_that_is_heard_of_neither_stops_nor_goes_however_old_its_poses_ar
         assert tracking.expire(heard + 0.51) == ["rover"]
 
 
+def test_a_body_that_timed_out_comes_back_as_one_never_heard_of(world: World) -> None:
+    """Also its source may state no velocities any more."""
+    tracking = Tracking(world, timeout=0.2)
+    tracking.update("rover", RADIUS, BodyState((0.0, 0.0, RADIUS), linear=(3.0, 0.0, 0.0)), 0.0)
+    assert (tracking.expire(0.3), tracking.expire(0.3), tracking.names) == (["rover"], [], [])
+    for number in range(2):
+        assert tracking.update("rover", RADIUS, pose(0.1 * number), 0.4 + 0.1 * number) == ""
+        assert world.state("rover").linear == pytest.approx((1.0 * number, 0.0, 0.0))
+
+
 def test_a_stall_of_the_node_takes_no_tracked_body_away_whose_poses_wait_to_be_read(now: list[float]) -> None:
     with fed({"frame_id": "map"}) as node:
         at = [TrackedBody(id="crane", twist=Twist(linear=Vector3(x=1.0)))]

@@ -43,6 +43,7 @@ def test_of_bodies_that_were_lost_the_last_ones_and_those_of_the_scene_are_known
             node.run(2)
             node.world.spawn(f"body {number}", Sphere(0.1), 1.0, BodyState((2.0, 2.0, 0.5)))
         assert node.node.session.lost.keys() == {"first", *(f"body {number}" for number in range(23, 39))}
+        assert node.node.refusals.counts["physics: lost"] == 40
         node.node.reset()
         node.node.turn()
         assert node.world.bodies.keys() == {"first", "body 39"}

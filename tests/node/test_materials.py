@@ -39,14 +39,18 @@ def coefficients(node: Fed) -> NDArray[np.float32]:
     return np.broadcast_to(node.world.terrain.tiles[""].friction, FLAT.shape)
 
 
-def test_materials_come_with_maps_and_regions_and_stay_where_later_ones_say_nothing() -> None:
+def test_materials_and_soils_come_with_maps_and_regions_and_stay_where_later_ones_say_nothing() -> None:
     """What becomes of them on a map that scrolls: tests/terrain/test_scrolling.py."""
-    with fed({}) as node:
+    soils = np.indices(FLAT.shape).sum(axis=0) % 2
+    with fed({"soil.type": ["lunar", "clay"]}) as node:
+
+        def a_map(**material: Any) -> Any:
+            return stamped(node, heightmap_message(FLAT, resolution=RESOLUTION, **material))
 
         def give(**material: Any) -> None:
-            node.give("heightmap", stamped(node, heightmap_message(FLAT, resolution=RESOLUTION, **material)))
+            node.give("heightmap", a_map(**material))
 
-        give(friction=halves())
+        give(friction=halves(), soil=soils)
         give()
         region = HeightmapUpdate(x=0, y=0, width=COLUMNS, height=ROWS, heights=floats(FLAT.astype(np.float32)))
         node.give("heightmap_update", stamped(node, region))
@@ -60,6 +64,12 @@ def test_materials_come_with_maps_and_regions_and_stay_where_later_ones_say_noth
         np.testing.assert_array_equal(given.stiffness, np.float32(layers["stiffness"]))
         np.testing.assert_array_equal(given.damping[:3, :6], [[2e4] * 6, *[[2e4] * 2 + [1e3] * 3 + [2e4]] * 2])
         np.testing.assert_array_equal(given.rolling[1:3, 2:5], np.float32(np.arange(6.0).reshape(2, 3) / 60.0))
+        region = HeightmapUpdate(width=1, height=1, heights=[0.0], layers=[layer_message("soil", 2.0)])
+        node.require_refused("heightmap_update", [("soil", stamped(node, region))])
+        short = a_map()
+        short.soil = [1, 0]
+        node.require_refused("heightmap", [("soil", a_map(soil=soils + 1)), ("length", short)])
+        np.testing.assert_array_equal(node.world.terrain.tiles[""].soil, soils)
 
 
 def test_layers_of_a_grid_map_hold_the_material() -> None:
@@ -130,24 +140,6 @@ def test_bodies_of_a_collider_stand_on_soil(probe: Probe) -> None:
         probe.wait_for(lambda: position_of(probe, "plate")[2] > 0.05 - sunk + 1e-4)
         probe.wait_for(lambda: probe.diagnostics("bodies")["asleep"] == "1")
         assert 0.05 - sunk < position_of(probe, "plate")[2] < 0.05
-
-
-def test_soils_come_with_maps_and_stay_where_later_ones_say_nothing() -> None:
-    with fed({"soil.type": ["lunar", "clay"]}) as node:
-
-        def a_map(soil: Any = None) -> Any:
-            return stamped(node, heightmap_message(np.zeros((9, 9)), soil=soil))
-
-        soils = np.arange(81).reshape(9, 9) % 2
-        for soil in (soils, None):
-            node.give("heightmap", a_map(soil))
-            np.testing.assert_array_equal(node.world.terrain.tiles[""].soil, soils)
-        node.require_refused("heightmap", [("soil", a_map(soils + 1))])
-        region = HeightmapUpdate(width=1, height=1, heights=[0.0], layers=[layer_message("soil", 2.0)])
-        node.require_refused("heightmap_update", [("soil", stamped(node, region))])
-        short = a_map()
-        short.soil = [1, 0]
-        node.require_refused("heightmap", [("length", short)])
 
 
 def test_a_map_that_cannot_be_soil_is_taken_without() -> None:

@@ -140,13 +140,8 @@ def travelling(noise: float) -> Feed:
 
 MOTIONS: dict[str, dict[str, Any]] = {
     "lift, 5 m/s": {"kind": "lift", "speed": 5.0, "duration": 0.15},
-    "lift, 5 cm/s": {"kind": "lift", "speed": 0.05, "duration": 2.0},
     "lift down, 8 m/s": {"kind": "lift", "speed": -8.0, "duration": 1.0},
     "drop at 2 g": {"kind": "drop", "acceleration": 19.62, "depth": 2.0},
-    "heave": {"kind": "heave", "height": 0.5, "period": 2.0},
-    "crater": {"kind": "crater", "duration": 0.5},
-    "rut": {"kind": "rut", "speed": 3.0},
-    "rut, slow": {"kind": "rut", "speed": 0.2, "depth": 0.05},
 }
 # Maps in which there is neither noise nor a jump of still ground.
 QUIET: dict[str, Callable[[], Feed]] = {

@@ -9,6 +9,7 @@ import pytest
 from smartmesh_ros import BodyState, HeightMap, World
 from smartmesh_ros.scenes.tracks import ground as ramp
 from smartmesh_ros.soil.soil import Soil
+from studies.soil.trials import least
 from tests.grounds import moving, shaped
 from tests.tracked import FLAT_TRACKS, NAME, UNDERCARRIAGE, drive, slope, standing, yaw
 
@@ -86,11 +87,7 @@ def equilibrium(heading: float, belt: float) -> float:
         force /= np.linalg.norm(force, axis=1, keepdims=True)
         return float((levers[:, 0] * force[:, 1] - levers[:, 1] * force[:, 0]).sum())
 
-    low, high = 0.0, 2.0
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if moment(middle) > 0.0 else (low, middle)
-    return low
+    return least(lambda rate: moment(rate) <= 0.0, 0.0, 2.0)
 
 
 @pytest.mark.parametrize(("belt", "friction"), [(0.4, 1.0), (0.2, 1.0), (0.4, 0.3)])

@@ -153,3 +153,20 @@ def test_robots_come_from_paths_and_seeds_and_radii_from_numpy() -> None:
         world.reset(seed=np.int64(7))
         world.restore(world.save())
         assert world.seed == 7 and world.bodies["walker"].shape == Sphere(0.25)
+
+
+def test_contacts_and_wrenches_are_the_same_whichever_body_bullet_names_first(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world.spawn("crate", Box(0.3, 0.3, 0.2), 2.0, BodyState((0.5, 0.0, 0.1), linear=(1.0, -0.5, 0.0)))
+    world.step(10)
+    (wrench,), contacts, points = world.wrenches(), world.contacts(), world.client.getContactPoints()
+    assert np.all(np.abs(wrench.force) > 1.0) and np.any(np.abs(wrench.torque) > 0.05)
+    turned = [
+        (p[0], p[2], p[1], p[4], p[3], p[6], p[5], *(-np.array(v) if isinstance(v, tuple) else v for v in p[7:]))
+        for p in points
+    ]
+    monkeypatch.setattr(world.client, "getContactPoints", lambda: turned)
+    (found,) = world.wrenches()
+    assert np.allclose([found.force, found.torque], [wrench.force, wrench.torque], rtol=0.0, atol=1e-12)
+    assert world.contacts() == contacts
