@@ -130,7 +130,7 @@ class Terrain(Tiles):
         A point on several height maps belongs to the first one that has ground there. Gaps of up to a cell between
         height maps are ground, too. Decks are ground where they are highest.
         """
-        return ground_heights(self.readers, xy_w, time)
+        return ground_heights(self.core, xy_w, time)
 
 
 # What saved states have of a terrain, by name.

@@ -44,7 +44,7 @@ void Sleep::note_asleep(Slot& slot) {
 
 void Sleep::note_awake(Slot& slot) {
   slot.rest.asleep = false;
-  slot.rest.still = 0.0;
+  slot.still = 0.0;
   vacated_.push_back(slot.rest.bounds);
   slot.rest.ground.clear();
   attached_.note_rest_change();
@@ -63,9 +63,9 @@ void Sleep::note_rest() {
       continue;
     }
     AttachedBody& body = attached_.bodies[slot.body];
-    if (may_sleep) slot.rest.note(from_bullet(slot.object->getWorldTransform()), rules_.distance, now_.duration);
-    if (body.driven || slot.belt.speed != 0.0 || slot.is_on_carrier) slot.rest.still = 0.0;
-    body.still = std::min(body.still, slot.rest.still);
+    if (may_sleep) slot.note_still(from_bullet(slot.object->getWorldTransform()), rules_.distance, now_.duration);
+    if (body.driven || slot.belt.speed != 0.0 || slot.is_on_carrier) slot.still = 0.0;
+    body.still = std::min(body.still, slot.still);
   }
   if (may_sleep) put_resting_to_sleep();
 }

@@ -125,8 +125,12 @@ bool Tiles::moves(double time) const {
 
 void Tiles::ground_under(const Bounds& bounds, double time, GroundUnder& found) {
   found.clear();
+  add_ground_under(bounds, time, found);
+}
+
+void Tiles::add_ground_under(const Bounds& bounds, double time, GroundUnder& found) {
   const Bounds grown = with_gaps(bounds);
-  for (const HeightGrid* grid : maps_) add_ground_under(*grid, time, grown, found);
+  for (const HeightGrid* grid : maps_) smartmesh::add_ground_under(*grid, time, grown, found);
   Patch near;
   gather_meshes(bounds, time, 0.0, Everything{}, near);
   for (const Vec3& p : near.points) found.vertices.insert(found.vertices.end(), {p.x, p.y, p.z});

@@ -65,6 +65,8 @@ class Tiles {
   // The first height map that has ground at a point counts there. The parts of one mesh join where they abut.
   void set_all(const std::vector<HeightGrid*>& maps, const std::vector<MeshSurface*>& meshes,
                const std::vector<Deck*>& decks = {});
+  const std::vector<HeightGrid*>& maps() const { return maps_; }
+  const std::vector<MeshSurface*>& meshes() const { return meshes_; }
   const std::vector<Deck*>& decks() const { return decks_; }
 
   // Fills `patch` with the ground of height maps, or of meshes, beside decks, inside `bounds` at `time` [s], as far as
@@ -95,6 +97,7 @@ class Tiles {
   // Finds the ground inside `bounds` at `time` [s], and the blocks of samples there, which are known until there
   // are other tiles.
   void ground_under(const Bounds& bounds, double time, GroundUnder& found);
+  void add_ground_under(const Bounds& bounds, double time, GroundUnder& found);
   void blocks_under(const Bounds& bounds, double time, std::vector<BlockUnder>& found) const;
   // Returns the updates so far of some blocks, and of all meshes and decks.
   Updates updates_of(const std::vector<BlockUnder>& blocks, double time) const;

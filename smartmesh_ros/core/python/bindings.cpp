@@ -111,7 +111,7 @@ NB_MODULE(_core, m) {
             const StepLock lock;
             g.grid.settled = instant;
           })
-      .def("set_layer", &Grid::set_layer, "layer"_a, "samples"_a.noconvert().none(), "uniform"_a)
+      .def("set_layer", &Grid::set_layer, "layer"_a, "samples"_a, "uniform"_a)
       .def("set_motion", &Grid::set_motion, "mode"_a, "max_velocity"_a, "settle"_a, "noise"_a, "smoothing"_a)
       .def(
           "moves", [](const Grid& g, double time) { return g.grid.moves(time); }, "time"_a)
@@ -120,7 +120,7 @@ NB_MODULE(_core, m) {
         return std::make_tuple(s.height, s.rise);
       });
   nb::class_<Mesh>(m, "Mesh")
-      .def(nb::init<Doubles2, Whole2>(), "vertices"_a.noconvert(), "triangles"_a.noconvert())
+      .def(nb::init<Doubles2, Triangles>(), "vertices"_a, "triangles"_a)
       .def_prop_ro("vertices", &vertices_of<&MeshSurface::now>)
       .def_prop_ro("offsets", &vertices_of<&MeshSurface::offsets>)
       .def_prop_ro("rates", &vertices_of<&MeshSurface::rates>)

@@ -10,7 +10,6 @@
 #include "bullet/moved_bodies.h"
 #include "bullet/world.h"
 #include "python/soil_binding.h"
-#include "python/tables.h"
 #include "step/step_lock.h"
 
 namespace smartmesh {
@@ -93,12 +92,12 @@ struct Ground {
   }
   // Returns sinkage [m], area [m^2] and carried force [N] of each part of the body in a slot that touches the soil.
   auto on_soil(int slot) {
-    std::vector<double> sums;
+    std::vector<std::array<double, 3>> sums;
     if (const HeldWorld found = world(); found->attached.has(slot) && found->now.soil != nullptr) {
       for (const auto& [number, part] : found->attached.slots[slot].on_soil)
-        if (part.sums.area > 0.0) sums.insert(sums.end(), {part.sums.sinkage, part.sums.area, part.sums.carried});
+        if (part.sums.area > 0.0) sums.push_back({part.sums.sinkage, part.sums.area, part.sums.carried});
     }
-    return array_of<double, 2>(sums, {sums.size() / 3, 3});
+    return array_of(std::move(sums));
   }
   void attach(int slot, int body, int link, int proxy, const BodyShape& shape) {
     if (slot < 0 || slot > MOST_SLOTS) throw std::invalid_argument("a slot is a number from 0 to 2^24");
@@ -171,18 +170,14 @@ struct Ground {
     std::vector<SlotMemory> rows;
     {
       const HeldWorld held = world();
-      for (std::size_t k = 0; k < slots.shape(0); ++k)
-        rows.push_back(smartmesh::memory_of(slot_in(held, slots.data()[k])));
+      for (const std::int64_t slot : slots) rows.push_back(slot_in(held, slot));
     }
-    auto found = new_array<double, 2>({slots.shape(0), sizeof(SlotMemory) / sizeof(double)});
-    std::copy(rows.begin(), rows.end(), reinterpret_cast<SlotMemory*>(found.data()));
-    return found;
+    return array_of(std::move(rows));
   }
-  void recall(Slots slots, Doubles2 memory) {
+  void recall(Slots slots, Rows<const SlotMemory> memory) {
     const HeldWorld held = world();
-    const auto* rows = records_of<const SlotMemory>(memory, "the memory");
-    check_table(memory, slots.shape(0), sizeof(SlotMemory) / sizeof(double), "the memory");
-    for (std::size_t k = 0; k < slots.shape(0); ++k) smartmesh::recall(slot_in(held, slots.data()[k]), rows[k]);
+    check_counts(slots.size(), memory);
+    for (std::size_t k = 0; k < slots.size(); ++k) static_cast<SlotMemory&>(slot_in(held, slots[k])) = memory[k];
     held->sleep.take_gravity();
   }
   // Returns what a slot knows of its parts on the soil (n,), and takes it over.
@@ -192,13 +187,12 @@ struct Ground {
       const HeldWorld held = world();
       found = smartmesh::parts_memory(slot_in(held, slot), held->now.soil);
     }
-    return array_of<double, 1>(found, {found.size()});
+    return array_of(std::move(found));
   }
   void recall_parts(int slot, Doubles1 numbers) {
     const HeldWorld held = world();
-    check_alignment(numbers.data(), sizeof(double));
     held->attached.find_objects();
-    if (!smartmesh::recall_parts(slot_in(held, slot), held->now.soil, numbers.data(), numbers.shape(0)))
+    if (!smartmesh::recall_parts(slot_in(held, slot), held->now.soil, numbers.data(), numbers.size()))
       throw std::invalid_argument("the parts on the soil are those of another body");
   }
   static int checked_slot(const BulletWorld& held, std::int64_t slot) {
@@ -210,18 +204,12 @@ struct Ground {
     return held->attached.slots[checked_slot(*held.world, slot)];
   }
   // Writes the states of the bodies in `slots` (n,) to `states` (S, 13); NaN for bodies that are gone.
-  void read(Slots slots, States states) {
-    check_table(states, states.shape(0), BODY_COLUMNS, "states");
+  void read(Slots slots, Rows<BodyState> states) {
     const HeldWorld found = world();
     found->attached.find_objects();
-    for (std::size_t k = 0; k < slots.shape(0); ++k) {
-      const std::int64_t slot = slots.data()[k];
-      if (slot < 0 || slot >= static_cast<std::int64_t>(states.shape(0)))
-        throw std::invalid_argument("a slot is not in states");
-      if (!found->attached.has(static_cast<int>(slot)) ||
-          !found->attached.slots[slot].read(rows_of<BodyState>(states)[slot]))
-        std::fill_n(states.data() + BODY_COLUMNS * slot, BODY_COLUMNS, NONE);
-    }
+    for (const std::int64_t slot : slots_below(slots, states.size()))
+      if (!found->attached.has(static_cast<int>(slot)) || !found->attached.slots[slot].read(states[slot]))
+        std::fill_n(states.numbers() + BODY_COLUMNS * slot, BODY_COLUMNS, NONE);
   }
   // Returns the point [m], the normal and the depth [m] of the deepest contact of a slot now, None if there is none.
   auto deepest_contact(int slot) {
@@ -264,8 +252,9 @@ void add_ground(nb::module_& m) {
       .def("update", [](const Ground& g) { g.world()->update(); })
       .def_prop_ro("rescues", [](const Ground& g) { return g.world()->rescues; })
       .def("check_falls", &Ground::check_falls, "time"_a, "depth"_a)
-      .def("find_falling",
-           [](const Ground& g) { return g.world()->attached.where([](const Slot& slot) { return slot.falls; }); })
+      .def(
+          "find_falling",
+          [](const Ground& g) { return g.world()->attached.where([](const Slot& slot) { return slot.falls != 0.0; }); })
       .def("last_ground", &Ground::last_ground, "slot"_a)
       .def("find_below",
            [](const Ground& g) {
@@ -278,14 +267,14 @@ void add_ground(nb::module_& m) {
       .def("is_asleep", &Ground::is_asleep, "slot"_a)
       .def("find_asleep", [](const Ground& g) { return g.world()->attached.list_asleep(); })
       .def("drive", &Ground::drive, "slot"_a, "axis"_a, "speed"_a)
-      .def("memory_of", &Ground::memory_of, "slots"_a.noconvert())
-      .def("recall", &Ground::recall, "slots"_a.noconvert(), "memory"_a.noconvert())
+      .def("memory_of", &Ground::memory_of, "slots"_a)
+      .def("recall", &Ground::recall, "slots"_a, "memory"_a)
       .def("parts_memory", &Ground::parts_memory, "slot"_a)
-      .def("recall_parts", &Ground::recall_parts, "slot"_a, "numbers"_a.noconvert())
+      .def("recall_parts", &Ground::recall_parts, "slot"_a, "numbers"_a)
       .def("forget", [](const Ground& g) { g.world()->forget(); })
       .def("keep_apart", &Ground::keep_apart, "body"_a)
       .def("deepest_contact", &Ground::deepest_contact, "slot"_a)
-      .def("read", &Ground::read, "slots"_a.noconvert(), "states"_a.noconvert());
+      .def("read", &Ground::read, "slots"_a, "states"_a);
   add_number<&Instant::time>(ground, "time");
   add_number<&Instant::duration>(ground, "duration");
   add_number<&Instant::margin>(ground, "margin");

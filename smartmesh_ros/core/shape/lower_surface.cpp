@@ -48,16 +48,15 @@ Bounds LowerSurface::bounds(const BodyPose* poses) const {
   for (std::size_t link = 0; link < links_.size(); ++link) {
     for (const Part& part : links_[link]) {
       const Solid solid(part.placed, poses[link]);
-      const Vec3 half{solid.extent_along({1.0, 0.0, 0.0}), solid.extent_along({0.0, 1.0, 0.0}),
-                      solid.extent_along({0.0, 0.0, 1.0})};
+      const Vec3 half = solid.half_extents();
       found.add(solid.centre - half), found.add(solid.centre + half);
     }
   }
   return found;
 }
 
-void LowerSurface::find(const BodyPose* poses, const double* points, std::size_t count, double* heights) const {
-  std::fill(heights, heights + count, NONE);
+std::vector<double> LowerSurface::find(const BodyPose* poses, const double* points, std::size_t count) const {
+  std::vector<double> heights(count, NONE);
   for (std::size_t link = 0; link < links_.size(); ++link) {
     for (const Part& part : links_[link]) {
       const Solid solid(part.placed, poses[link]);
@@ -71,6 +70,7 @@ void LowerSurface::find(const BodyPose* poses, const double* points, std::size_t
       }
     }
   }
+  return heights;
 }
 
 void LowerSurface::add_lowest(const BodyPose* poses, const Vec3& up, std::vector<Vec3>& points) const {

@@ -6,11 +6,11 @@
 
 namespace smartmesh {
 
-// `shape`: its underside with flat faces that go on beyond their edges; `exact`: as it is. `column`, `row`: fractional
+// `shape`: its underside with flat faces that go on beyond their edges. `column`, `row`: fractional
 // fine sample of its middle, at the height `z` without the map's. `lowest` [m]: of its points, from there.
 struct PlacedPart {
   GridPose pose;
-  Underside shape, exact;
+  Underside shape;
   double column, row, z, lowest;
 
   Vec3 to_world(const Vec3& v) const { return {pose.cos * v.x - pose.sin * v.y, pose.sin * v.x + pose.cos * v.y, v.z}; }
