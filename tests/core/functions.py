@@ -143,8 +143,7 @@ def above_grid() -> Arguments:
 
 def patches() -> Any:
     """Of bodies below a map."""
-    found, given = CORE.Patches(), bodies()
-    found.set_tiles([grid()])
+    found, given = CORE.Patches(CORE.Tiles([grid()])), bodies()
     found.search(
         given["shapes"], given["states"], given["slots"], np.ones(BODIES, bool), np.arange(BODIES), 0.0, 0.1, 1.0
     )

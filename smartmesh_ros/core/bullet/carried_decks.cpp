@@ -82,9 +82,7 @@ void CarriedDecks::react(const std::vector<TruePoint>& told) {
   const double rate = 1.0 / now_.duration;
   for (Carried& carried : carried_) {
     if (!carried.is_moved()) continue;
-    const FrameVelocity end = velocity_of(*carried.object);
-    const FrameVelocity change{(end.linear - carried.start.linear) * rate,
-                               (end.angular - carried.start.angular) * rate};
+    const FrameVelocity change = difference(velocity_of(*carried.object), carried.start, rate);
     carried.change = agreed(change, carried.last);
     carried.last = change;
   }

@@ -101,11 +101,9 @@ OnSoil Narrowphase::on_soil(const Slot& slot, double step, double ahead) const {
   OnSoil found;
   found.pose = from_bullet(slot.object->getWorldTransform());
   found.soil = now_.soil->motion_around(found.pose.at, slot.rest.radius, now_.time, ahead);
-  found.approach.centre = found.pose.at;
+  found.approach = approach_of(slot, step);
   found.approach.linear = slot.linear - found.soil.velocity_at(found.pose.at);
   found.approach.angular = slot.angular - found.soil.angular;
-  found.approach.duration = step;
-  found.approach.gravity = from_bullet(now_.world.getGravity());
   if (slot.belt.speed != 0.0) found.belt = slot.belt_axis();
   found.mass = mass_of(*slot.object) / std::max(count, 1);
   found.time = now_.time;

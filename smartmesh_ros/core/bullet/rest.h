@@ -21,7 +21,7 @@ struct SleepRules {
 // Rest of a body or link. Asleep it has a `pose`, and `bounds` with the `ground` under them, in `blocks` of a `layout`
 // of tiles with so many `updates`; if the ground is not `calm` it may be another one without an update.
 struct Rest {
-  bool asleep = false, is_first = false;  // of the links of its body
+  bool asleep = false;
   btTransform pose;
   Bounds bounds;
   GroundUnder ground;

@@ -29,7 +29,6 @@ void Sleep::set_rules(const SleepRules& rules) {
 void Sleep::note_asleep(Slot& slot) {
   Rest& rest = slot.rest;
   rest.asleep = true, rest.layout = -1;
-  rest.is_first = attached_.moving_slot(attached_.body(slot.body)) == &slot;
   rest.pose = slot.object->getWorldTransform();
   rest.bounds = bounds_of(*slot.object);
   now_.terrain->ground_under(rest.bounds, now_.time, rest.ground);

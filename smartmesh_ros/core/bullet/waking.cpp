@@ -115,8 +115,10 @@ void Sleep::find_ways() {
 bool Sleep::is_disturbed(Slot& slot) {
   if (slot.object == nullptr || !sleeps(*slot.object)) return true;  // Bullet or its user woke it
   if (!(slot.rest.pose == slot.object->getWorldTransform())) return true;
-  if (slot.rest.is_first && is_pushed(*slot.object)) return true;
-  if (slot.rest.is_first && motors_of(*slot.object) != attached_.bodies[slot.body].sleeper.motors) return true;
+  const AttachedBody& body = attached_.bodies[slot.body];
+  if (attached_.moving_slot(body) == &slot &&
+      (is_pushed(*slot.object) || motors_of(*slot.object) != body.sleeper.motors))
+    return true;
   return is_another_ground(slot);
 }
 

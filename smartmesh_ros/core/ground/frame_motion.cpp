@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "map/motion.h"
+#include "map/height_grid.h"
 
 namespace smartmesh {
 
@@ -39,10 +39,6 @@ FrameVelocity between(const FrameSample& before, const FrameSample& after) {
   return {(after.at - before.at) * rate, rotation_vector(before.orientation, after.orientation) * rate};
 }
 
-FrameVelocity difference(const FrameVelocity& a, const FrameVelocity& b, double rate) {
-  return {(a.linear - b.linear) * rate, (a.angular - b.angular) * rate};
-}
-
 Vec3 agreed_by_axis(const Vec3& change, const Vec3& before) {
   return {agreed(change.x, before.x), agreed(change.y, before.y), agreed(change.z, before.z)};
 }
@@ -58,7 +54,7 @@ void FrameMotion::put(const FrameSample& sample) {
   now = sample, now.orientation = normalised(sample.orientation);
   known = 1.0, lasts = INFINITE;
   velocity = sample.velocity, change = {};
-  ++revision_;
+  revision_ = next_revision();
 }
 
 void FrameMotion::note(const FrameSample& sample) {
@@ -73,7 +69,7 @@ void FrameMotion::note(const FrameSample& sample) {
     estimate();
   else
     put(sample);
-  ++revision_;
+  revision_ = next_revision();
 }
 
 // Differences of velocities that are told hold between two samples; those of mean velocities, which hold in the middle
@@ -126,7 +122,7 @@ bool FrameMotion::rests_at(const FrameSample& sample) {
 
 void FrameMotion::shift_time(double by) {
   for (FrameSample& sample : samples) sample.time += by;
-  ++revision_;
+  revision_ = next_revision();
 }
 
 double FrameMotion::time_moved(double time, double& rate) const {
@@ -171,7 +167,7 @@ bool FrameMotion::recall(const FrameMemory& memory) {
   if (!(memory.known >= 0.0 && memory.known <= 4.0 && memory.lasts >= 0.0)) return false;
   if (!std::all_of(first, end, [](double number) { return std::isfinite(number); })) return false;
   static_cast<FrameMemory&>(*this) = memory, known = std::floor(memory.known);
-  ++revision_;
+  revision_ = next_revision();
   return true;
 }
 

@@ -11,6 +11,10 @@ struct FrameVelocity {
   Vec3 linear, angular;
 };
 
+// Returns the difference of two velocities, times a `rate` [1/s].
+inline FrameVelocity difference(const FrameVelocity& a, const FrameVelocity& b, double rate) {
+  return {(a.linear - b.linear) * rate, (a.angular - b.angular) * rate};
+}
 // Returns a change of a velocity as far as the change before agrees; see `agreed` in motion.h.
 FrameVelocity agreed(const FrameVelocity& change, const FrameVelocity& before);
 
@@ -60,7 +64,7 @@ class FrameMotion : FrameMemory {
   FrameState at(double time) const;
   bool moves(double time) const;
   double time() const { return samples[0].time; }
-  // Returns a number that grows with each change.
+  // Returns the number of the last change.
   long revision() const { return revision_; }
 
   const FrameMemory& memory() const { return *this; }

@@ -23,25 +23,14 @@ struct NearbyGround {
   double spread = 0.0;
 };
 
-// The ground at a point: height [m], NaN = none, unit normal towards the side of the bodies, velocity [m/s] with
-// horizontal motion, age [s], the time since the last map of the place, negative before it, and coefficient of
-// friction.
-struct GroundSample {
-  double height = NONE;
-  Vec3 normal, velocity;
-  double age = NONE, friction = Material{}.friction;
-};
+constexpr int NOBODY = -2;
 
 // The height maps, the meshes and the decks of a terrain at one instant; `decks` is null if there are none.
-constexpr int NOBODY = -2;
 struct GroundReader {
   TileReader tiles;
   std::vector<MeshReader> meshes;
   std::shared_ptr<std::vector<DeckReader>> decks;
 
-  // Returns the highest ground of the meshes at (x, y) that is not above `z` [m]. `highest`: the mesh, if there is
-  // ground.
-  MeshPoint meshes_at(double x, double y, double z, const MeshReader*& highest);
   // Returns the highest ground at (x, y). Ground of meshes above `z` [m] does not count, nor that of decks farther
   // above `of_decks` [m] than they are thick, nor of those that a PyBullet `body` carries, NOBODY = all count.
   GroundPoint at(double x, double y, double z = ABOVE_ALL, double of_decks = ABOVE_ALL, int body = NOBODY);
@@ -84,9 +73,9 @@ class Tiles {
   void show_corrections(double time, std::vector<MapCorrection>& found);
   // Notes that bodies met the ground up to the instant `time` [s].
   void note_shown(double time);
-  // Returns a number that grows with every change of the tiles or their samples.
+  // Returns the number of the last change of the tiles or their samples.
   long revision() const;
-  // Returns a number that grows when there are other tiles.
+  // Returns the number of the last change of which tiles there are, beside those of decks.
   long layout() const { return layout_; }
   // Returns true if any height map has a material, also of decks.
   bool has_material() const;

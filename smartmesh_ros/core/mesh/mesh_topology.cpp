@@ -25,8 +25,7 @@ struct Side {
 
 class Builder {
  public:
-  Builder(const std::vector<Vec3>& points, MeshTopology& mesh)
-      : points_(points), mesh_(mesh), is_corner_(points.size(), false) {
+  Builder(const std::vector<Vec3>& points, MeshTopology& mesh) : points_(points), mesh_(mesh) {
     Bounds bounds;
     for (const Vec3& p : points) bounds.add(p);
     mesh_.tolerance = SAME_PLACE * norm(bounds.high - bounds.low);
@@ -41,19 +40,40 @@ class Builder {
   }
 
  private:
-  // Gives each vertex the first one at its place.
+  // Gives each vertex the first one at its place, by cells of space much larger than the tolerance.
   void weld() {
-    std::vector<Bounds> boxes;
-    for (const Vec3& p : points_) boxes.push_back({p, p});
-    tree_.build(boxes);
+    const double cell = std::max(1e3 * mesh_.tolerance, 1e-300);
+    using Key = std::array<std::int64_t, 3>;
+    struct Hash {
+      std::size_t operator()(const Key& k) const {
+        return static_cast<std::size_t>(k[0]) * 73856093u ^ static_cast<std::size_t>(k[1]) * 19349663u ^
+               static_cast<std::size_t>(k[2]) * 83492791u;
+      }
+    };
+    std::unordered_map<Key, int, Hash> last;  // vertex in a cell; `before` leads from it to the others
+    std::vector<int> before(points_.size(), -1);
+    last.reserve(points_.size());
+    const auto place = [&](double x, int side) {
+      return static_cast<std::int64_t>(std::floor((x + side * mesh_.tolerance) / cell));
+    };
+    first_.resize(points_.size());
     for (int v = 0; v < static_cast<int>(points_.size()); ++v) {
+      const Vec3& p = points_[v];
       int same = v;
-      tree_.find(boxes[v].grown(mesh_.tolerance), found_);
-      for (int other : found_)
-        if (other < same && first_[other] == other && norm(points_[other] - points_[v]) <= mesh_.tolerance)
-          same = other;
-      first_.push_back(same);
-      if (same != v) mesh_.joints.push_back({v, {same, same}});
+      for (std::int64_t x = place(p.x, -1); x <= place(p.x, 1); ++x)
+        for (std::int64_t y = place(p.y, -1); y <= place(p.y, 1); ++y)
+          for (std::int64_t z = place(p.z, -1); z <= place(p.z, 1); ++z) {
+            const auto found = last.find({x, y, z});
+            for (int other = found == last.end() ? -1 : found->second; other >= 0; other = before[other])
+              if (norm(points_[other] - p) <= mesh_.tolerance) same = std::min(same, other);
+          }
+      first_[v] = same;
+      if (same == v) {
+        const auto [cell_of_v, is_new] = last.try_emplace({place(p.x, 0), place(p.y, 0), place(p.z, 0)}, v);
+        if (!is_new) before[v] = cell_of_v->second, cell_of_v->second = v;
+      } else {
+        mesh_.joints.push_back({v, {same, same}});
+      }
     }
   }
 
@@ -64,7 +84,6 @@ class Builder {
     if (!(norm(cross(u, v)) > FLAT * longest2)) return;
     const int facet = static_cast<int>(mesh_.facets.size());
     mesh_.facets.push_back({a, b, c});
-    for (int v : {a, b, c}) is_corner_[v] = true;
     for (const auto& [from, to, opposite] : {std::tuple{a, b, c}, std::tuple{b, c, a}, std::tuple{c, a, b}})
       sides_.push_back({std::min(from, to), std::max(from, to), opposite, facet});
   }
@@ -77,12 +96,22 @@ class Builder {
 
   // Divides the sides on which vertices lie.
   void divide() {
+    std::vector<int> corners;
+    for (const auto& facet : mesh_.facets) corners.insert(corners.end(), facet.begin(), facet.end());
+    std::sort(corners.begin(), corners.end());
+    corners.erase(std::unique(corners.begin(), corners.end()), corners.end());
+    std::vector<Bounds> boxes;
+    for (int v : corners) boxes.push_back({points_[v], points_[v]});
+    BoxTree tree;
+    tree.build(boxes);
     sort_sides();
     std::vector<Side> divided;
+    std::vector<int> found;
     std::vector<std::pair<double, int>> on;
     for (std::size_t k = 0; k < sides_.size(); ++k) {
       const Side side = sides_[k];
-      if (k == 0 || side.low != sides_[k - 1].low || side.high != sides_[k - 1].high) find_on(side, on);
+      if (k == 0 || side.low != sides_[k - 1].low || side.high != sides_[k - 1].high)
+        find_on(side, corners, tree, found, on);
       int from = side.low;
       for (const auto& [share, v] : on) {
         divided.push_back({std::min(from, v), std::max(from, v), side.opposite, side.facet});
@@ -94,14 +123,16 @@ class Builder {
   }
 
   // Finds the vertices on a side, in order.
-  void find_on(const Side& side, std::vector<std::pair<double, int>>& on) {
+  void find_on(const Side& side, const std::vector<int>& corners, const BoxTree& tree, std::vector<int>& found,
+               std::vector<std::pair<double, int>>& on) {
     const Vec3 &a = points_[side.low], &b = points_[side.high];
     Bounds bounds;
     bounds.add(a), bounds.add(b);
-    tree_.find(bounds.grown(mesh_.tolerance), found_);
+    tree.find(bounds.grown(mesh_.tolerance), found);
     on.clear();
-    for (int v : found_) {
-      if (!is_corner_[v] || v == side.low || v == side.high) continue;
+    for (int k : found) {
+      const int v = corners[k];
+      if (v == side.low || v == side.high) continue;
       const double share = along_segment(points_[v], a, b);
       if (share > 0.0 && share < 1.0 && norm(a + (b - a) * share - points_[v]) <= mesh_.tolerance) {
         on.push_back({share, v});
@@ -154,9 +185,7 @@ class Builder {
 
   const std::vector<Vec3>& points_;
   MeshTopology& mesh_;
-  BoxTree tree_;  // of the points
-  std::vector<int> first_, found_;
-  std::vector<char> is_corner_;
+  std::vector<int> first_;
   std::vector<Side> sides_;
 };
 

@@ -160,34 +160,24 @@ struct DeckOfTiles {
   nb::list tiles;
 };
 
-// Grids, meshes and decks of a list of Python's, and a copy of the list, which Python may change: it must outlive them.
-struct Parts {
+// Sets the tiles of a terrain. Returns what must outlive them: a copy of the list, which Python may change.
+inline nb::list set_tiles_of(Tiles& terrain, const nb::list& tiles) {
   std::vector<HeightGrid*> grids;
   std::vector<MeshSurface*> meshes;
-  std::vector<DeckOfTiles*> decks;
-  nb::list kept;
-
-  explicit Parts(const nb::list& parts) {
-    for (nb::handle part : parts) {
-      if (nb::isinstance<Mesh>(part))
-        meshes.push_back(&nb::cast<Mesh&>(part).surface);
-      else if (nb::isinstance<DeckOfTiles>(part))
-        decks.push_back(&nb::cast<DeckOfTiles&>(part));
-      else
-        grids.push_back(&nb::cast<Grid&>(part).grid);
-      kept.append(part);
-    }
-  }
-};
-
-// Sets the tiles of a terrain. Returns what must outlive them.
-inline nb::list set_tiles_of(Tiles& terrain, const nb::list& tiles) {
-  const Parts parts(tiles);
   std::vector<Deck*> decks;
-  for (DeckOfTiles* deck : parts.decks) decks.push_back(&deck->deck);
+  nb::list kept;
+  for (nb::handle tile : tiles) {
+    if (nb::isinstance<Mesh>(tile))
+      meshes.push_back(&nb::cast<Mesh&>(tile).surface);
+    else if (nb::isinstance<DeckOfTiles>(tile))
+      decks.push_back(&nb::cast<DeckOfTiles&>(tile).deck);
+    else
+      grids.push_back(&nb::cast<Grid&>(tile).grid);
+    kept.append(tile);
+  }
   const StepLock lock;
-  terrain.set_all(parts.grids, parts.meshes, decks);
-  return parts.kept;
+  terrain.set_all(grids, meshes, decks);
+  return kept;
 }
 
 // The tiles of a terrain of Python, which `kept` keeps alive.

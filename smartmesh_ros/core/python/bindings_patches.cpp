@@ -19,21 +19,24 @@ constexpr std::size_t MOST_SLOTS = 1u << 24;
 constexpr double MOST_RADIUS = 1e7;
 
 struct Patches {
+  nb::object kept;
+  const Tiles& terrain;
   ShownPatches patches;
   std::vector<DeckPatches> on_decks;
-  std::vector<nb::list> kept;  // keep the maps, meshes and decks alive
+  long layout = -1;  // of the tiles that the patches are of, also of decks
 
-  void set_tiles(const nb::list& parts) {
-    const Parts found(parts);
-    std::vector<nb::list> keep{found.kept};
-    patches.set_tiles(found.grids, found.meshes);
+  explicit Patches(nb::object of) : kept(of), terrain(nb::cast<KeptTiles&>(of).tiles) {}
+
+  // Takes the tiles that there are now.
+  void renew() {
+    long now = terrain.layout();
+    for (const Deck* deck : terrain.decks()) now = std::max(now, deck->tiles.layout());
+    if (std::exchange(layout, now) == now) return;
+    patches.set_tiles(terrain.maps(), terrain.meshes());
     on_decks.clear();
-    for (DeckOfTiles* deck : found.decks) {
-      on_decks.emplace_back(deck->deck, static_cast<int>(on_decks.size()));
-      keep.push_back(deck->tiles);
-    }
-    kept = keep;
+    for (const Deck* deck : terrain.decks()) on_decks.emplace_back(*deck, static_cast<int>(on_decks.size()));
   }
+
   const ShownPatch& operator[](std::size_t slot) const {
     const ShownPatch* found = &patches[slot];
     for (const DeckPatches& deck : on_decks) found = &deck.first_of(slot, *found);
@@ -45,6 +48,7 @@ struct Patches {
   // no patch on the decks that they carry.
   void search(const std::vector<const BodyShape*>& shapes, const Rows<const BodyState>& states, const Slots& slots,
               const Flags& always, const Slots& owners, double time, double ahead, double farthest) {
+    renew();
     finite(time, "the time"), finite(ahead, "ahead"), finite(farthest, "farthest");
     check_counts(states.size(), always, owners), check_counts(shapes.size(), slots);
     require(states.size() <= MOST_SLOTS, "there are at most 2^24 slots");
@@ -77,6 +81,7 @@ struct Patches {
   }
   // Collects the samples of the bodies in `slots` (n,) at `time` [s]; returns those that have a patch.
   auto collect(const Slots& slots, double time) {
+    renew();
     patches.collect({slots_below(slots, patches.size()).begin(), slots.end()}, finite(time, "the time"));
     for (DeckPatches& deck : on_decks) deck.collect(time);
     std::vector<std::int64_t> shown;
@@ -142,8 +147,7 @@ struct Patches {
 
 void add_patches(nb::module_& m) {
   nb::class_<Patches>(m, "Patches")
-      .def(nb::init<>())
-      .def("set_tiles", &Patches::set_tiles, "tiles"_a)
+      .def(nb::init<nb::object>(), "tiles"_a)
       .def("search", &Patches::search, "shapes"_a, "states"_a, "slots"_a, "always"_a, "owners"_a, "time"_a, "ahead"_a,
            "farthest"_a)
       .def("collect", &Patches::collect, "slots"_a, "time"_a)

@@ -21,10 +21,11 @@ void check_instant(double time, double ahead) {
 // Returns the heights [m] and vertical velocities [m/s] of the highest ground under points (N, 2) [m].
 auto ground_heights(const KeptTiles& tiles, Rows<const Place> points, double time) {
   GroundReader reader = tiles.reader(time, points.size());
-  std::vector<double> heights, velocities;
-  for (const auto& [x, y] : points) {
+  std::vector<double> heights(points.size()), velocities(points.size());
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    const auto& [x, y] = points[k];
     const GroundPoint ground = std::isfinite(x) && std::isfinite(y) ? reader.at(x, y) : GroundPoint{NONE, {}};
-    heights.push_back(ground.height), velocities.push_back(ground.velocity.z);
+    heights[k] = ground.height, velocities[k] = ground.velocity.z;
   }
   return std::make_tuple(array_of(std::move(heights)), array_of(std::move(velocities)));
 }
@@ -33,13 +34,15 @@ auto ground_heights(const KeptTiles& tiles, Rows<const Place> points, double tim
 // friction; NaN = none.
 auto ground_samples(const KeptTiles& tiles, Rows<const Vec3> points, double time) {
   GroundReader reader = tiles.reader(time, points.size());
-  std::vector<double> heights, ages, friction;
-  std::vector<Vec3> normals, velocities;
-  for (const Vec3& p : points) {
+  const std::size_t count = points.size();
+  std::vector<double> heights(count), ages(count), friction(count);
+  std::vector<Vec3> normals(count), velocities(count);
+  for (std::size_t k = 0; k < count; ++k) {
+    const Vec3& p = points[k];
     GroundSample ground = std::isfinite(p.x) && std::isfinite(p.y) ? reader.below(p) : GroundSample{};
     if (std::isnan(ground.height)) ground = {NONE, NOWHERE, NOWHERE, NONE, NONE};
-    heights.push_back(ground.height), normals.push_back(ground.normal), velocities.push_back(ground.velocity);
-    ages.push_back(ground.age), friction.push_back(ground.friction);
+    heights[k] = ground.height, normals[k] = ground.normal, velocities[k] = ground.velocity;
+    ages[k] = ground.age, friction[k] = ground.friction;
   }
   return std::make_tuple(array_of(std::move(heights)), array_of(std::move(normals)), array_of(std::move(velocities)),
                          array_of(std::move(ages)), array_of(std::move(friction)));
@@ -98,11 +101,12 @@ auto sample_grid(const Grid& grid, Slots indices, double time, double ahead) {
   check_instant(time, ahead);
   GridReader reader(grid.grid, time, ahead);
   const std::int64_t columns = grid.grid.columns, size = columns * grid.grid.rows;
-  std::vector<double> heights, velocities;
-  for (const std::int64_t i : indices) {
+  std::vector<double> heights(indices.size()), velocities(indices.size());
+  for (std::size_t k = 0; k < indices.size(); ++k) {
+    const std::int64_t i = indices[k];
     const Sample sample = i >= 0 && i < size ? reader.read(static_cast<int>(i / columns), static_cast<int>(i % columns))
                                              : Sample{NONE, 0.0};
-    heights.push_back(sample.height), velocities.push_back(sample.rise / ahead);
+    heights[k] = sample.height, velocities[k] = sample.rise / ahead;
   }
   return std::make_tuple(array_of(std::move(heights)), array_of(std::move(velocities)));
 }

@@ -54,8 +54,8 @@ Fault fault_of(const BodyState& state, std::int64_t wanted, const Vec3& dimensio
   return is_between(mass, limits.least_mass, limits.largest_mass) ? Fault::None : Fault::Mass;
 }
 
-// Number of dimensions of each kind, and the BodyLimits, in their order.
-using Limits = std::tuple<Slots, double, double, double, double, double, double, double, double>;
+// Number of dimensions of each kind, and the BodyLimits.
+using Limits = std::tuple<Slots, One<BodyLimits, 8>>;
 
 // Returns the row and the Fault of the first impossible body, None if there is none. Bodies: `states` (n, 13), bounding
 // `radii` (n,) [m], `kinds` (n,), `dimensions` (n, 3) [m], `centres` (n, 3) relative to the centres of mass [m], and
@@ -63,11 +63,10 @@ using Limits = std::tuple<Slots, double, double, double, double, double, double,
 nb::object first_fault(Rows<const BodyState> states, Doubles1 radii, Rows<const std::uint8_t> kinds,
                        Rows<const Vec3> dimensions, Rows<const Vec3> centres, Doubles1 masses, Limits limits) {
   check_counts(states.size(), radii, kinds, dimensions, centres, masses);
-  const auto& [of_kinds, farthest, fastest, spin, slack, least_size, largest_size, least_mass, largest_mass] = limits;
-  const BodyLimits most{farthest, fastest, spin, slack, least_size, largest_size, least_mass, largest_mass};
+  const auto& [of_kinds, most] = limits;
   for (std::size_t k = 0; k < states.size(); ++k) {
     const std::int64_t wanted = kinds[k] < of_kinds.size() ? of_kinds[kinds[k]] : 0;
-    const Fault fault = fault_of(states[k], wanted, dimensions[k], centres[k], radii[k], masses[k], most);
+    const Fault fault = fault_of(states[k], wanted, dimensions[k], centres[k], radii[k], masses[k], *most);
     if (fault != Fault::None) return nb::make_tuple(k, static_cast<int>(fault));
   }
   return nb::none();

@@ -32,12 +32,12 @@ PlacedPart place_above(const SoilLattice& soil, const Solid& of, double time) {
           at.row, solid.centre.z - soil.map().z,    -solid.extent_along({0.0, 0.0, 1.0})};
 }
 
-SampleRectangle samples_around(const SoilLattice& soil, const PlacedPart& placed, double x, double y) {
+CellRange samples_around(const SoilLattice& soil, const PlacedPart& placed, double x, double y) {
   const double wide = x / soil.spacing(), high = y / soil.spacing();
   if (!(std::abs(placed.column) + std::abs(placed.row) + std::abs(placed.z) + wide + high < FARTHEST)) return {};
   return {std::max(0, static_cast<int>(placed.row - high)), std::max(0, static_cast<int>(placed.column - wide)),
-          std::min(soil.rows() - 1, static_cast<int>(std::floor(placed.row + high)) + 1),
-          std::min(soil.columns() - 1, static_cast<int>(std::floor(placed.column + wide)) + 1)};
+          std::min(soil.rows(), static_cast<int>(std::floor(placed.row + high)) + 2),
+          std::min(soil.columns(), static_cast<int>(std::floor(placed.column + wide)) + 2)};
 }
 
 }  // namespace smartmesh

@@ -22,6 +22,6 @@ PlacedPart place_above(const SoilLattice& soil, const Solid& solid, double time)
 
 // Returns the samples within a distance of a part's middle along columns `x` and rows `y` [m]; none for a body that was
 // thrown to infinity.
-SampleRectangle samples_around(const SoilLattice& soil, const PlacedPart& placed, double x, double y);
+CellRange samples_around(const SoilLattice& soil, const PlacedPart& placed, double x, double y);
 
 }  // namespace smartmesh

@@ -41,12 +41,12 @@ Vec3 on_surface(const Underside& shape, const Vec3& mean) {
 void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, double slip, double deepest,
                            const SoilStep& step) {
   under_.clear();
-  const SampleRectangle all = samples_around(soil, placed, half_extent(placed.shape, 0), half_extent(placed.shape, 1));
+  const CellRange all = samples_around(soil, placed, half_extent(placed.shape, 0), half_extent(placed.shape, 1));
   if (all.empty()) return;
   // Of round shapes, that part is enough which may be below the highest ground.
   const double below = soil.highest(all) + HIGHER + deepest - placed.z;
   const auto [x, y] = half_extents_below(placed.shape, below);
-  const SampleRectangle under = samples_around(soil, placed, x, y);
+  const CellRange under = samples_around(soil, placed, x, y);
   if (under.empty()) return;
   const double spacing = soil.spacing();
   const auto [top, left, bottom, right] = under;
@@ -57,14 +57,14 @@ void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, double s
     if (soil.sinks_by_slip) soils_.back().modulus *= std::pow(slip_sinkage(slip), -soils_.back().exponent);
   }
   const bool leaves_sunk = rolls(placed.shape.solid) && deepest > 0.0;
-  row_.x.resize(static_cast<std::size_t>(right - left + 1));
-  for (int c = left; c <= right; ++c) row_.x[c - left] = (c - placed.column) * spacing;
+  row_.x.resize(static_cast<std::size_t>(right - left));
+  for (int c = left; c < right; ++c) row_.x[c - left] = (c - placed.column) * spacing;
   const bool is_level = stands_level(placed.shape);  // then its upright faces do not lift it off samples on their edges
-  for (int r = top; r <= bottom; ++r) {
+  for (int r = top; r < bottom; ++r) {
     row_.y = (r - placed.row) * spacing;
     look_up(placed.shape, row_), look_up_exact(placed.shape, row_, exact_);
     cover(placed.shape, row_);
-    for (int c = left; c <= right; ++c) {
+    for (int c = left; c < right; ++c) {
       const int k = c - left;
       if (row_.low[k] == INFINITE) continue;
       const bool is_beside = exact_.low[k] == INFINITE || (is_level && exact_.low[k] > row_.low[k]);
