@@ -16,7 +16,7 @@ class LowerSurface {
  public:
   // `shapes`: of the links, each about its centre of mass.
   explicit LowerSurface(const std::vector<BodyShape>& shapes);
-  std::size_t size() const { return links_.size(); }
+  std::size_t size() const { return links_; }
   // Returns a box around all parts with their links at some poses.
   Bounds bounds(const BodyPose* poses) const;
   // Returns the heights of the lower surface at points (x, y) [m], NaN where a vertical line misses all parts.
@@ -28,8 +28,10 @@ class LowerSurface {
   struct Part {
     Convex shape;
     Shape placed;  // in the frame of its link
+    std::size_t link;
   };
-  std::vector<std::vector<Part>> links_;
+  std::size_t links_;
+  std::vector<Part> parts_;
 };
 
 }  // namespace smartmesh
