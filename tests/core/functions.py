@@ -103,8 +103,7 @@ def flags() -> np.ndarray:
 def bodies() -> Arguments:
     states = zeros(13, BODIES)
     states[:, 6] = 1.0
-    hull = BodyShape.hull(TETRAHEDRON)
-    shapes = [BodyShape.box((0.2, 0.3, 0.4)), hull, BodyShape.compound([BodyShape.ball(0.1), hull])]
+    shapes = [BodyShape.box((0.2, 0.3, 0.4)), BodyShape.ball(0.1), BodyShape.hull(TETRAHEDRON)]
     return {"shapes": shapes, "states": states, "slots": np.arange(BODIES)}
 
 

@@ -39,13 +39,6 @@ std::vector<Vec3> points_of(const Rows<const Vec3>& points) {
   return {points.begin(), points.end()};
 }
 
-BodyShape compound(const std::vector<BodyShape>& shapes) {
-  std::vector<ShapePart> parts;
-  for (const BodyShape& shape : shapes) parts.insert(parts.end(), shape.parts.begin(), shape.parts.end());
-  if (parts.empty()) throw std::invalid_argument("a compound has at least one part");
-  return BodyShape(parts);
-}
-
 std::vector<BodyShape> parts_of(const BodyShape& shape) {
   std::vector<BodyShape> found;
   for (const ShapePart& part : shape.parts) found.push_back(BodyShape({part}));
@@ -122,7 +115,6 @@ void add_bodies(nb::module_& m) {
             return BodyShape({hull_part(points_of(points), rounding)});
           },
           "points"_a, "rounding"_a = 0.0)
-      .def_static("compound", &compound, "shapes"_a)
       .def_prop_ro("kind", [](const BodyShape& s) { return static_cast<int>(s.outline.kind); })
       .def_prop_ro("half", [](const BodyShape& s) { return numbers_of(s.outline.half); })
       .def_prop_ro("rounding", [](const BodyShape& s) { return s.outline.rounding; })
