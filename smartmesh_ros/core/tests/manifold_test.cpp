@@ -29,21 +29,6 @@ void choose(const std::vector<OldContact>& before, std::vector<Contact>& contact
   choose_contacts(box({1.0, 1.0, 0.1}), {}, rest, before, contacts);
 }
 
-TEST(Manifold, SpansTheContactArea) {
-  std::vector<Contact> contacts = underside();
-  choose({}, contacts);
-  ASSERT_EQ(contacts.size(), 4u);
-  for (const Contact& contact : contacts) EXPECT_NEAR(std::abs(contact.point.x) + std::abs(contact.point.y), 2.0, 1e-9);
-}
-
-TEST(Manifold, HoldsTheContactThatClosesTheMost) {
-  std::vector<Contact> contacts = underside();
-  contacts[200].distance = -0.02;
-  const int deepest = contacts[200].body_feature;
-  choose({}, contacts);
-  EXPECT_EQ(contacts[0].body_feature, deepest);
-}
-
 TEST(Manifold, KeepsItsContactsFromStepToStep) {
   std::vector<Contact> first = underside();
   choose({}, first);
