@@ -68,15 +68,11 @@ class ShownPatches:
     def __init__(self, terrain: Terrain, followers: Followers, stopwatch: Stopwatch) -> None:
         self.slots: IntArray = np.empty(0, np.int64)  # of the bodies that have a patch
         self._terrain, self._followers, self._stopwatch = terrain, followers, stopwatch
-        self._core = CORE.Patches()
-        self._layout = -1
+        self._core = CORE.Patches(terrain.core)
 
     def find(self, states: FloatArray, time: float) -> None:
         """Find the patches of bodies with ``states`` (S, 13) at ``time`` [s]. Cells are found by grid traversal, and
         their samples taken from a cache while neither body nor ground changed."""
-        if self._layout != self._terrain.layout_revision:
-            self._layout = self._terrain.layout_revision
-            self._core.set_tiles(self._terrain.readers)
         there = np.asarray(np.isfinite(states).all(axis=1))
         there[[follower.slot for follower in self._followers if follower.remote]] = False
         slots = np.flatnonzero(there)

@@ -128,7 +128,7 @@ class Deck(Tiles):
     def frame(self, time: float) -> Frame:
         """Return the frame at ``time`` [s]."""
         found = np.asarray(self.core.frame(checked_time(time)))
-        return Frame(found[:3], found[3:12].reshape(3, 3), found[12:15], found[15:])
+        return Frame(found[0], found[1:4], found[4], found[5])
 
     def shift_time(self, by: float) -> None:
         """Add ``by`` [s] to the times of all maps and of the frame."""

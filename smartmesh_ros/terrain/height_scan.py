@@ -122,7 +122,7 @@ class HeightScan:
         poses_w = given.astype(np.float64)
         found = np.empty((len(poses_w), len(self.points_b)))
         CORE.scan_heights(
-            Terrain.of(terrain).readers, np.ascontiguousarray(poses_w[:, [0, 1, 3]]), self.points_b, time, found
+            Terrain.of(terrain).core, np.ascontiguousarray(poses_w[:, [0, 1, 3]]), self.points_b, time, found
         )
         hole = None if math.isnan(self.fill) else np.isnan(found)
         if self.values == "clearance":

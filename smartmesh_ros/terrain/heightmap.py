@@ -24,14 +24,12 @@ class Samples(NamedTuple):
     velocities: FloatArray
 
 
-def ground_heights(readers: list[Any], xy_w: ArrayLike, time: float) -> Samples:
-    """Return the highest ground of maps and meshes, by their core's readers, under points (N, 2) [m] at ``time`` [s],
-    shapes (N,); NaN = no ground."""
+def ground_heights(tiles: Any, xy_w: ArrayLike, time: float) -> Samples:
+    """Return the highest ground of tiles of the core under points (N, 2) [m] at ``time`` [s], shapes (N,); NaN = no
+    ground."""
     array, time = unmasked(xy_w, "points"), checked_time(time)
     points = np.ascontiguousarray(as_points(np.atleast_2d(array), (2,)), np.float64)
-    samples = Samples(np.empty(len(points)), np.empty(len(points)))
-    CORE.ground_heights(readers, points, time, *samples)
-    return samples
+    return Samples(*CORE.ground_heights(tiles, points, time))
 
 
 class HeightMap(MovingHeights):
@@ -145,10 +143,9 @@ class HeightMap(MovingHeights):
         Heights include the origin's z. Velocities are means over the time ``ahead`` [s].
         """
         flat = np.ascontiguousarray(indices, np.int64).reshape(-1)
-        heights, velocities = np.empty(len(flat)), np.empty(len(flat))
-        CORE.sample_grid(self.core_reader, flat, time, ahead, heights, velocities)
+        heights, velocities = CORE.sample_grid(self.core_reader, flat, time, ahead)
         return Samples(heights.reshape(indices.shape), velocities.reshape(indices.shape))
 
     def at(self, xy_w: ArrayLike, time: float) -> Samples:
         """Return the ground under points (N, 2) [m] at ``time`` [s], shapes (N,); NaN outside the map and in holes."""
-        return ground_heights([self.core_reader], xy_w, time)
+        return ground_heights(CORE.Tiles([self.core_reader]), xy_w, time)

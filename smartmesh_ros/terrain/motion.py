@@ -21,7 +21,7 @@ from typing import Any, Literal, Self, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.core import CORE, dtype_of
+from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError, as_float
 from smartmesh_ros.terrain.checked_heights import checked_time
 from smartmesh_ros.terrain.state_file import filled
@@ -55,7 +55,9 @@ BLOCK = 1 << BLOCK_SHIFT
 # first. ``since``, ``until`` [s]: between these instants the ground goes over from what was shown before the last map
 # to the motion of that map. ``known``: number of known velocities. ``newest``: index of the newest velocity in the ring
 # buffer. ``intervals`` [s]: between the last ``count`` updates. ``updates``: number of updates so far.
-CLOCK = dtype_of(CORE.CLOCK)
+_NAMES, _TYPES, _PLACES = zip(*CORE.CLOCK, strict=True)
+_CLOCK = np.dtype({"names": _NAMES, "formats": _TYPES, "offsets": _PLACES})
+CLOCK: np.dtype[Any] = np.dtype((np.record, _CLOCK))
 CLOCK_TIMES = ("time", "opened", "middle", "middle_1", "middle_2", "since", "until")  # fields that are instants
 
 

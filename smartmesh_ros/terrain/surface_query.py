@@ -51,10 +51,7 @@ def ground_samples(terrain: Terrain, points_w: FloatArray, time: float) -> Groun
     above a point does not count, so z = infinity asks for the highest ground. Gaps of up to a cell between height maps
     are ground, as for bodies.
     """
-    count, time = len(points_w), checked_time(time)
-    found = GroundSamples(*(np.full(shape, np.nan) for shape in (count, (count, 3), (count, 3), count, count)))
-    CORE.ground_samples(terrain.readers, np.ascontiguousarray(points_w), time, *found)
-    return found
+    return GroundSamples(*CORE.ground_samples(terrain.core, np.ascontiguousarray(points_w), checked_time(time)))
 
 
 class GroundHits(NamedTuple):
@@ -107,12 +104,9 @@ class RayCaster:
     """Casts rays onto a terrain. Heights of one instant are kept until the ground has moved on."""
 
     def __init__(self, terrain: Terrain) -> None:
-        self._terrain = terrain
-        self._core: Any = CORE.RayCaster()
+        self._core: Any = CORE.RayCaster(terrain.core)
 
     def cast(self, rays: Rays, time: float) -> GroundHits:
         """Return where rays meet the ground at ``time`` [s], from either side. They pass through holes. Where tiles
         overlap, a ray meets the surface that it reaches first."""
-        hits = GroundHits(np.empty(len(rays.origins)), np.full((len(rays.origins), 3), np.nan))
-        self._core.cast(self._terrain.readers, *rays, checked_time(time), *hits)
-        return hits
+        return GroundHits(*self._core.cast(*rays, checked_time(time)))

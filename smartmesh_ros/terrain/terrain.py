@@ -114,11 +114,6 @@ class Terrain(Tiles):
         return [mesh for of in (self, *self.decks.values()) for mesh in of.tiles.values()]
 
     @property
-    def layout_revision(self) -> int:
-        """Number that changes when a tile is added, removed or replaced, also of decks."""
-        return max([super().layout_revision, *(deck.layout_revision for deck in self.decks.values())])
-
-    @property
     def revision(self) -> int:
         """Revision of the latest change of a tile, also of decks; their frames' motion does not count."""
         return max([super().revision, *(deck.revision for deck in self.decks.values())])
@@ -134,7 +129,7 @@ class Terrain(Tiles):
         A point on several height maps belongs to the first one that has ground there. Gaps of up to a cell between
         height maps are ground, too. Decks are ground where they are highest.
         """
-        return ground_heights(self.readers, xy_w, time)
+        return ground_heights(self.core, xy_w, time)
 
 
 # What saved states have of a terrain, by name.

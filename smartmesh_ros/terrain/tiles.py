@@ -58,11 +58,6 @@ class Tiles:
         """The tiles by name, to read; `put` and `remove` change them."""
         return MappingProxyType(self._tiles)
 
-    @property
-    def layout_revision(self) -> int:
-        """Number that changes when a tile is added, removed or replaced."""
-        return self._layout
-
     def put(self, name: str, mesh: MainMesh) -> None:
         """Add a tile or replace the tile of that name.
 
@@ -108,7 +103,7 @@ class Tiles:
     @property
     def revision(self) -> int:
         """Revision of the latest change."""
-        return max([self.layout_revision, *(mesh.revision for mesh in self.tiles.values())])
+        return max([self._layout, *(mesh.revision for mesh in self.tiles.values())])
 
     @property
     def readers(self) -> list[Any]:

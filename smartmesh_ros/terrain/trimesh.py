@@ -120,14 +120,11 @@ class TriangleMesh(MovingGround):
 
     def sample(self, indices: IntArray, time: float, ahead: float = INSTANT) -> MeshSamples:
         """Return vertices (n,) at ``time`` [s]; velocities are means over the time ``ahead`` [s]."""
-        positions, velocities = np.empty((len(indices), 3)), np.empty((len(indices), 3))
-        chosen = np.ascontiguousarray(indices, np.int64)
-        CORE.sample_mesh(self.core_reader, chosen, time, ahead, positions, velocities)
-        return MeshSamples(positions, velocities)
+        return MeshSamples(*CORE.sample_mesh(self.core_reader, np.ascontiguousarray(indices, np.int64), time, ahead))
 
     def at(self, xy_w: ArrayLike, time: float) -> Samples:
         """Return the highest ground at N points (N, 2) [m] at ``time`` [s]; NaN where there is no triangle."""
-        return ground_heights([self.core_reader], xy_w, time)
+        return ground_heights(CORE.Tiles([self.core_reader]), xy_w, time)
 
 
 def grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:

@@ -61,8 +61,8 @@ INVALID = (
     ("geometry", f"a radius not within {SIZES[0]:g} to {SIZES[1]:g} m"),
     ("geometry", f"a mass not within {MASSES[0]:g} to {MASSES[1]:g} kg"),
 )
-# Limits in the order of `BodyLimits` in core/step/body_faults.h, after the dimensions of each kind.
-LIMITS = (DIMENSIONS, FARTHEST_BODY, FASTEST, FASTEST_SPIN, QUATERNION_SLACK, *SIZES, *MASSES)
+# The dimensions of each kind, and limits in the order of `BodyLimits` in core/python/bindings_rows.cpp.
+LIMITS = (DIMENSIONS, np.array([FARTHEST_BODY, FASTEST, FASTEST_SPIN, QUATERNION_SLACK, *SIZES, *MASSES]))
 
 
 def require_valid(states: StateTable) -> None:

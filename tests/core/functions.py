@@ -41,8 +41,12 @@ def pose() -> np.ndarray:
     return np.array([0.1, 0.2, 0.3, 0.0, 0.0, 0.6, 0.8])
 
 
-def tiles() -> list[Any]:
-    return [new_grid(), new_mesh(known=KEPT, newest=1, lifetime=1.0), deck()]
+def tiles() -> Any:
+    return CORE.Tiles([new_grid(), new_mesh(known=KEPT, newest=1, lifetime=1.0), deck()])
+
+
+def cast(tiles: Any, **rays: Any) -> Any:
+    return CORE.RayCaster(tiles).cast(**rays)
 
 
 def floats(*shape: int) -> np.ndarray:
@@ -60,7 +64,7 @@ def vertices() -> Arguments:
     places = np.stack([*np.divmod(np.arange(12), 4), np.zeros(12)], axis=1)
     return {
         "mesh": TriangleMesh(places, grid_triangles(3, 4)).core_reader, "indices": np.arange(12), "time": 0.1,
-        "ahead": 0.1, "positions": np.zeros((12, 3)), "velocities": np.zeros((12, 3)),
+        "ahead": 0.1,
     }  # fmt: skip
 
 
@@ -95,8 +99,7 @@ def zeros(columns: int, rows: int = SLOTS) -> np.ndarray:
 def bodies() -> Arguments:
     states = zeros(13, BODIES)
     states[:, 6] = 1.0
-    hull = BodyShape.hull(TETRAHEDRON)
-    shapes = [BodyShape.box((0.2, 0.3, 0.4)), hull, BodyShape.compound([BodyShape.ball(0.1), hull])]
+    shapes = [BodyShape.box((0.2, 0.3, 0.4)), BodyShape.ball(0.1), BodyShape.hull(TETRAHEDRON)]
     return {"shapes": shapes, "states": states, "slots": np.arange(BODIES)}
 
 
@@ -135,8 +138,7 @@ def above_grid() -> Arguments:
 
 def patches() -> Any:
     """Of bodies below a map."""
-    found, given = CORE.Patches(), bodies()
-    found.set_tiles([grid()])
+    found, given = CORE.Patches(CORE.Tiles([grid()])), bodies()
     found.search(
         given["shapes"], given["states"], given["slots"], np.ones(BODIES, bool), np.arange(BODIES), 0.0, 0.1, 1.0
     )
@@ -167,18 +169,15 @@ ENTRIES = {
     "set_layer": Entry(set_layer, lambda: {"samples": floats(ROWS, COLUMNS) + 1.0}, optional=("samples",)),
     "find_contacts": Entry(CORE.find_contacts, contacts, finite=("pose", "motion", "duration", "margin")),
     "ground_heights": Entry(CORE.ground_heights, lambda: {
-        "tiles": tiles(), "points": np.ones((COUNT, 2)), "time": 0.0, "heights": np.zeros(COUNT),
-        "velocities": np.zeros(COUNT),
-    }, written=("heights", "velocities"), finite=("time",)),
+        "tiles": tiles(), "points": np.ones((COUNT, 2)), "time": 0.0,
+    }, rows=("points",), finite=("time",)),
     "ground_samples": Entry(CORE.ground_samples, lambda: {
-        "tiles": tiles(), "points": np.ones((COUNT, 3)), "time": 0.0, "heights": np.zeros(COUNT),
-        "normals": np.zeros((COUNT, 3)), "velocities": np.zeros((COUNT, 3)), "ages": np.zeros(COUNT),
-        "friction": np.zeros(COUNT),
-    }, written=("heights", "normals", "velocities", "ages", "friction"), finite=("time",)),
-    "cast": Entry(CORE.RayCaster().cast, lambda: {
+        "tiles": tiles(), "points": np.ones((COUNT, 3)), "time": 0.0,
+    }, rows=("points",), finite=("time",)),
+    "cast": Entry(cast, lambda: {
         "tiles": tiles(), "origins": np.ones((COUNT, 3)), "directions": np.tile([0.0, 0.0, -1.0], (COUNT, 1)),
-        "range": 5.0, "time": 0.0, "distances": np.zeros(COUNT), "normals": np.zeros((COUNT, 3)),
-    }, written=("distances", "normals"), finite=("origins", "directions", "range", "time")),
+        "range": 5.0, "time": 0.0,
+    }, finite=("origins", "directions", "range", "time")),
     "scan_heights": Entry(CORE.scan_heights, lambda: {
         "tiles": tiles(), "poses": np.ones((COUNT, 3)), "pattern": np.ones((4, 2)), "time": 0.0,
         "heights": np.zeros((COUNT, 4)),
@@ -197,14 +196,12 @@ ENTRIES = {
     }, finite=("place",)),
     "sample_grid": Entry(CORE.sample_grid, lambda: {
         "grid": new_grid(), "indices": np.arange(COUNT), "time": 0.0, "ahead": 0.1,
-        "heights": np.zeros(COUNT), "velocities": np.zeros(COUNT),
-    }, written=("heights", "velocities"), finite=("time", "ahead")),
+    }, rows=("indices",), finite=("time", "ahead")),
     "grid_window": Entry(CORE.grid_window, lambda: {
         "grid": new_grid(), "row": 0, "column": 0, "time": 0.0, "heights": np.zeros((COUNT, COUNT)),
     }, written=("heights",), any_shape=("heights",), finite=("time",)),
     "sample_mesh": Entry(
-        CORE.sample_mesh, vertices, written=("positions", "velocities"), within=(("indices", 12),),
-        finite=("time", "ahead"),
+        CORE.sample_mesh, vertices, rows=("indices",), within=(("indices", 12),), finite=("time", "ahead"),
     ),
     "has_infinity": Entry(CORE.has_infinity, lambda: {"samples": floats(3, 4)}, any_shape=("samples",)),
     "take_rectangle": Entry(CORE.take_rectangle, lambda: {

@@ -58,7 +58,6 @@ def test_windows_and_lists_are_their_samples_to_the_bit(mode: Mode, noise: float
         ]
         np.testing.assert_array_equal(window, np.reshape(expected, window.shape))
         indices, ahead = rng.integers(0, rows * columns, 50), float(rng.choice([1e-9, 1 / 240, 0.1]))
-        heights, velocities = np.empty(50), np.empty(50)
-        _core.sample_grid(made, indices, time, ahead, heights, velocities)
+        heights, velocities = _core.sample_grid(made, indices, time, ahead)
         samples = [made.sample(*divmod(index, columns), time, ahead) for index in indices.tolist()]
         np.testing.assert_array_equal(np.stack([heights, velocities], axis=1), samples / np.array([1.0, ahead]))

@@ -185,8 +185,7 @@ class Target:
     def _tidy(self) -> None:
         """Forgets stamps, and takes out what has piled up."""
         node, world = self.node, self.node.session.world
-        node._terrain.forget_stamps()
-        node._bodies.forget_stamps()
+        node._forget_stamps()
         if node.session.paused and self._given % 100 == 0:
             node.session.pacer.pause(False)
         for name in list(world.bodies)[:-MOST_BODIES] if len(world.bodies) > MOST_BODIES else []:

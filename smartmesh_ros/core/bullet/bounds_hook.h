@@ -3,7 +3,7 @@
 
 #include <functional>
 
-#include <BulletCollision/CollisionShapes/btCollisionShape.h>
+#include <BulletCollision/CollisionShapes/btEmptyShape.h>
 
 class btCollisionObject;
 class btDiscreteDynamicsWorld;
@@ -14,25 +14,18 @@ namespace smartmesh {
 constexpr double FAR_BELOW = -1e6;
 
 // The shape of an object that collides with nothing, and which is no body of PyBullet.
-class BoundsHook final : public btCollisionShape {
+class BoundsHook final : public btEmptyShape {
  public:
-  explicit BoundsHook(std::function<void()> ask) : ask_(std::move(ask)) { m_shapeType = EMPTY_SHAPE_PROXYTYPE; }
+  explicit BoundsHook(std::function<void()> ask) : ask_(std::move(ask)) {}
 
   // Enters a world, which deletes the object at its end.
   void enter(btDiscreteDynamicsWorld& world);
 
   void getAabb(const btTransform&, btVector3& low, btVector3& high) const override;
-  void setLocalScaling(const btVector3&) override {}
-  const btVector3& getLocalScaling() const override { return scaling_; }
-  void calculateLocalInertia(btScalar, btVector3& inertia) const override { inertia.setValue(0.0, 0.0, 0.0); }
-  const char* getName() const override { return "BoundsHook"; }
-  void setMargin(btScalar) override {}
-  btScalar getMargin() const override { return 0.0; }
 
  private:
   std::function<void()> ask_;
   bool is_in_ = false;
-  btVector3 scaling_{1.0, 1.0, 1.0};
 };
 
 }  // namespace smartmesh

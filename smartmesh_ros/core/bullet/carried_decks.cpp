@@ -39,14 +39,14 @@ void CarriedDecks::move() {
     const btTransform& pose = carried.object->getWorldTransform();
     const Vec3 arm = from_bullet(pose.getBasis() * to_bullet(deck.place.at));
     const auto [at, orientation] = body_pose(pose);
-    FrameSample sample{now_.time, at + arm, orientation * deck.place.orientation, {}};
+    FrameSample sample{now_.time, at + arm, orientation * deck.place.orientation};
     if (!carried.is_moved()) {
       deck.motion.note(sample);
       continue;
     }
     const FrameVelocity velocity = carried.start = velocity_of(*carried.object), &change = carried.change;
     const Vec3 swing = cross(velocity.angular, arm);
-    sample.velocity = {velocity.linear + swing, velocity.angular};
+    sample.is_told = 1.0, sample.velocity = {velocity.linear + swing, velocity.angular};
     deck.motion.set(sample,
                     {change.linear + cross(change.angular, arm) + cross(velocity.angular, swing), change.angular});
   }
@@ -82,9 +82,7 @@ void CarriedDecks::react(const std::vector<TruePoint>& told) {
   const double rate = 1.0 / now_.duration;
   for (Carried& carried : carried_) {
     if (!carried.is_moved()) continue;
-    const FrameVelocity end = velocity_of(*carried.object);
-    const FrameVelocity change{(end.linear - carried.start.linear) * rate,
-                               (end.angular - carried.start.angular) * rate};
+    const FrameVelocity change = difference(velocity_of(*carried.object), carried.start, rate);
     carried.change = agreed(change, carried.last);
     carried.last = change;
   }

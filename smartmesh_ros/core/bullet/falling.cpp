@@ -18,9 +18,9 @@ std::pair<std::vector<int>, std::vector<int>> check_falls(const Instant& now, At
       const bool is_over = !std::isnan(ground);
       if (is_over || std::isnan(slot.last_ground.z)) slot.last_ground = {at.x, at.y, is_over ? ground : at.z};
       const double under = slot.last_ground.z - at.z;
-      const bool fell = slot.falls;
+      const bool fell = slot.falls != 0.0;
       slot.falls = !is_over && under > slot.body_shape->radius;
-      if (slot.falls && !fell) begun.push_back(k);
+      if (slot.falls != 0.0 && !fell) begun.push_back(k);
       if (!is_over && under > depth) lost.push_back(k);  // one below ground is put back onto it
       break;                                             // of a robot, its first link counts
     }

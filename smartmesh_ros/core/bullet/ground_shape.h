@@ -35,7 +35,6 @@ class GroundShape final : public btConcaveShape {
     least = at - extent;
     most = at + extent;
   }
-
   void processAllTriangles(btTriangleCallback* callback, const btVector3& least, const btVector3& most) const override;
 
   const btVector3& getLocalScaling() const override { return scaling_; }
@@ -43,7 +42,7 @@ class GroundShape final : public btConcaveShape {
   void calculateLocalInertia(btScalar, btVector3& inertia) const override { inertia.setValue(0.0, 0.0, 0.0); }
   const char* getName() const override { return "Ground"; }
 
-  btVector3 origin{0.0, 0.0, 0.0};  // of the proxy in the world; it is never turned
+  btVector3 origin{0.0, 0.0, 0.0};  // of the proxy in the world
 
  private:
   BulletWorld* world_;

@@ -6,24 +6,13 @@ namespace {
 
 // Numbers of a part on the soil before those of its contacts and its rim.
 struct PartMemory {
-  double number, near, is_set_down, speed;  // `near`: it was near the soil in the last step
-  Vec3 at;
-  SoilSums sums;
+  double number, near;  // `near`: it was near the soil in the last step
+  SoilPartMemory part;
   double contacts, rim;  // how many numbers each has
 };
 constexpr std::size_t PART = sizeof(PartMemory) / sizeof(double);
 
 }  // namespace
-
-SlotMemory memory_of(const Slot& slot) {
-  return {slot.rest.still, slot.rest.anchor, slot.pull, slot.ground_angular, slot.last_ground, slot.falls ? 1.0 : 0.0};
-}
-
-void recall(Slot& slot, const SlotMemory& memory) {
-  slot.rest.still = memory.still, slot.rest.anchor = memory.anchor;
-  slot.pull = memory.pull, slot.ground_angular = memory.ground_angular;
-  slot.last_ground = memory.last_ground, slot.falls = memory.falls != 0.0;
-}
 
 std::vector<double> parts_memory(const Slot& slot, const SoilInStep* soil) {
   std::vector<double> found;
@@ -31,14 +20,8 @@ std::vector<double> parts_memory(const Slot& slot, const SoilInStep* soil) {
   for (const auto& [number, part] : slot.on_soil) {
     std::vector<double> rim;
     part.rim.write(rim);
-    const PartMemory memory{static_cast<double>(number),
-                            static_cast<double>(soil->was_near(part)),
-                            static_cast<double>(part.is_set_down),
-                            part.speed,
-                            part.at,
-                            part.sums,
-                            static_cast<double>(part.up.size()),
-                            static_cast<double>(rim.size())};
+    const PartMemory memory{static_cast<double>(number), static_cast<double>(soil->was_near(part)), part,
+                            static_cast<double>(part.up.size()), static_cast<double>(rim.size())};
     const auto* numbers = reinterpret_cast<const double*>(&memory);
     found.insert(found.end(), numbers, numbers + PART);
     found.insert(found.end(), part.up.begin(), part.up.end());
@@ -65,8 +48,7 @@ bool recall_parts(Slot& slot, const SoilInStep* soil, const double* numbers, std
     if (convex == nullptr || !part.rim.read(numbers + PART + contacts, rim)) return false;
     part.shape = pressing_shape(*convex);
     part.step = memory.near != 0.0 ? soil->step() - 1 : -1;
-    part.is_set_down = memory.is_set_down != 0.0, part.speed = memory.speed, part.at = memory.at,
-    part.sums = memory.sums;
+    static_cast<SoilPartMemory&>(part) = memory.part;
     part.up.assign(numbers + PART, numbers + PART + contacts);
     numbers += PART + contacts + rim, count -= PART + contacts + rim;
   }

@@ -62,16 +62,6 @@ void put(btCollisionObject& object, const btTransform& pose, btDiscreteDynamicsW
   renew_bounds(object, before, world);
 }
 
-btVector3 velocity_of_base(btCollisionObject& object) {
-  const btMultiBody* robot = robot_of(object);
-  return robot == nullptr ? btRigidBody::upcast(&object)->getLinearVelocity() : robot->getBaseVel();
-}
-
-void set_velocity_of_base(btCollisionObject& object, const btVector3& velocity) {
-  if (btMultiBody* robot = robot_of(object)) return robot->setBaseVel(velocity);
-  btRigidBody::upcast(&object)->setLinearVelocity(velocity);
-}
-
 // Returns true for the slots that have contacts with the ground.
 std::vector<bool> find_touching(const Instant& now, Attached& attached) {
   std::vector<bool> found(attached.slots.size(), false);
@@ -127,13 +117,18 @@ bool is_kept_from_ground(const Instant& now, const Slot& slot) {
 
 // Lifts a body [m], and gives it the vertical velocity of the `ground` [m/s].
 void lift_body(btCollisionObject& object, double by, const Vec3& ground, btDiscreteDynamicsWorld& world) {
+  btMultiBody* robot = robot_of(object);
+  btRigidBody* body = btRigidBody::upcast(&object);
   btTransform pose = base_of(object);
   pose.getOrigin().setZ(pose.getOrigin().z() + by);
-  btVector3 slide = velocity_of_base(object) - to_bullet(ground);
+  btVector3 slide = (robot == nullptr ? body->getLinearVelocity() : robot->getBaseVel()) - to_bullet(ground);
   slide.setZ(0.0);
   if (const double speed = slide.length(); speed > FASTEST_RESCUED) slide *= FASTEST_RESCUED / speed;
   put(object, pose, world);
-  set_velocity_of_base(object, to_bullet(ground) + slide);
+  if (robot == nullptr)
+    body->setLinearVelocity(to_bullet(ground) + slide);
+  else
+    robot->setBaseVel(to_bullet(ground) + slide);
 }
 
 }  // namespace

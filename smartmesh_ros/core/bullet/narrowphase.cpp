@@ -27,9 +27,10 @@ void Narrowphase::touch(Slot& slot, const btCollisionObjectWrapper& part, btPers
   const auto* rigid = btRigidBody::upcast(slot.object);
   const Vec3 pull = rigid != nullptr ? from_bullet(rigid->getTotalForce() * (rigid->getInvMass() * step))
                                      : from_bullet(now_.world.getGravity() * step);
-  on_decks_.clear(), seams_.clear();
-  if (!slot.decks.empty()) find_on_decks(slot, *shape, pose, step);
-  if (on_decks_.empty() && now_.soil != nullptr && now_.soil->is_under(pose.at, now_.time)) {
+  Approach body = approach;
+  body.linear = slot.linear, body.ground = {};
+  search_.find_on_decks(*shape, pose, *now_.terrain, slot.decks, now_.time, body);
+  if (!search_.has_decks() && now_.soil != nullptr && now_.soil->is_under(pose.at, now_.time)) {
     SoilPart& pressing = slot.on_soil[slot.part_number(*part.getCollisionShape())];
     now_.soil->touch(*shape, pose, on_soil(slot, step, step), before_, pressing, contacts_, rows_);
   } else {
@@ -55,11 +56,9 @@ void Narrowphase::touch(Slot& slot, const btCollisionObjectWrapper& part, btPers
 void Narrowphase::touch_ground(const Slot& slot, const Convex& shape, const Pose& pose, const Approach& approach,
                                const Vec3& pull) {
   const double step = approach.duration;
-  search_.run(shape, pose, *now_.terrain, now_.time, approach.with_margin(slot.near.spread * step), contacts_);
-  contacts_.insert(contacts_.end(), on_decks_.begin(), on_decks_.end());
-  seams_.remove_hidden(search_, pose.to_world(shape.centre), contacts_);
+  search_.find(shape, pose, *now_.terrain, now_.time, approach.with_margin(slot.near.spread * step), contacts_);
   choose_contacts(shape, pose, approach, before_, contacts_);
-  if (!on_decks_.empty()) carried_.let_yield(contacts_);
+  if (search_.has_decks()) carried_.let_yield(contacts_);
   const bool has_material = now_.terrain->has_material();
   if (has_material)
     for (Contact& contact : contacts_)
@@ -75,15 +74,6 @@ void Narrowphase::touch_ground(const Slot& slot, const Convex& shape, const Pose
   resist_rolling(contacts_, approach, pull, rows_);
 }
 
-void Narrowphase::find_on_decks(const Slot& slot, const Convex& shape, const Pose& pose, double step) {
-  Approach body = approach_of(slot, step);
-  body.linear = slot.linear, body.ground = {};
-  const auto& decks = now_.terrain->decks();
-  for (const NearbyDeck& near : slot.decks)  // a sleeping body may know decks that are gone
-    if (near.number < static_cast<int>(decks.size()))
-      deck_search_.add(shape, pose, *decks[near.number], near, now_.time, body, on_decks_, seams_);
-}
-
 std::optional<Contact> Narrowphase::deepest_contact(Slot& slot) {
   std::optional<Contact> deepest;
   if (slot.object == nullptr) return deepest;
@@ -93,13 +83,8 @@ std::optional<Contact> Narrowphase::deepest_contact(Slot& slot) {
     Approach still;
     still.centre = from_bullet(at.getOrigin());
     const Pose pose = pose_of(*shape, at);
-    search_.run(*shape, pose, *now_.terrain, now_.time, still, contacts_);
-    seams_.clear();
-    const auto& decks = now_.terrain->decks();
-    for (std::size_t k = 0; k < decks.size(); ++k)
-      if (decks[k]->body != slot.body)
-        deck_search_.add(*shape, pose, *decks[k], {static_cast<int>(k), {}, 0.0}, now_.time, still, contacts_, seams_);
-    seams_.remove_hidden(search_, pose.to_world(shape->centre), contacts_);
+    search_.find_on_decks(*shape, pose, *now_.terrain, all_decks(*now_.terrain, slot.body), now_.time, still);
+    search_.find(*shape, pose, *now_.terrain, now_.time, still, contacts_);
     for (const Contact& contact : contacts_)
       if (contact.distance <= 0.0 && (!deepest || contact.distance < deepest->distance)) deepest = contact;
   };
@@ -116,11 +101,9 @@ OnSoil Narrowphase::on_soil(const Slot& slot, double step, double ahead) const {
   OnSoil found;
   found.pose = from_bullet(slot.object->getWorldTransform());
   found.soil = now_.soil->motion_around(found.pose.at, slot.rest.radius, now_.time, ahead);
-  found.approach.centre = found.pose.at;
+  found.approach = approach_of(slot, step);
   found.approach.linear = slot.linear - found.soil.velocity_at(found.pose.at);
   found.approach.angular = slot.angular - found.soil.angular;
-  found.approach.duration = step;
-  found.approach.gravity = from_bullet(now_.world.getGravity());
   if (slot.belt.speed != 0.0) found.belt = slot.belt_axis();
   found.mass = mass_of(*slot.object) / std::max(count, 1);
   found.time = now_.time;

@@ -36,7 +36,6 @@ class Narrowphase {
   // Returns the body in a slot as the soil, which there must be, sees it now, in a step of some duration [s]; `ahead`:
   // as in `motion_around`.
   OnSoil on_soil(const Slot& slot, double step, double ahead) const;
-  void find_on_decks(const Slot& slot, const Convex& shape, const Pose& pose, double step);
   // Finds the contacts and their rows with ground that is no soil.
   void touch_ground(const Slot& slot, const Convex& shape, const Pose& pose, const Approach& approach,
                     const Vec3& pull);
@@ -44,12 +43,10 @@ class Narrowphase {
   const Instant& now_;
   Attached& attached_;
   const CarriedDecks& carried_;
-  std::vector<Contact> contacts_, on_decks_;
+  std::vector<Contact> contacts_;
   std::vector<OldContact> before_;
   std::vector<ContactRow> rows_;
-  ContactSearch search_;
-  DeckSearch deck_search_;
-  Seams seams_;
+  GroundContacts search_;
 };
 
 }  // namespace smartmesh

@@ -71,18 +71,6 @@ void move_up(btCollisionObject& object, double by) {
 
 }  // namespace
 
-// A point is moved by at most the way of the middle and by its radius times |R - R'|, whose Frobenius norm is twice the
-// root of two times the sine of half the angle between the two.
-void Rest::note(const Pose& pose, double distance, double duration) {
-  double turned = 0.0;
-  for (int k = 0; k < 3; ++k) turned += norm2(pose.rotation.row[k] - anchor.rotation.row[k]);
-  const double strayed = norm(pose.at - anchor.at) + std::sqrt(0.5 * turned) * radius;
-  if (strayed <= distance)
-    still += duration;
-  else
-    anchor = pose, still = 0.0;
-}
-
 bool is_acted_on(btCollisionObject& object, const btVector3& gravity) {
   if (const btMultiBody* robot = robot_of(object)) return is_acted_on(*robot, gravity);
   const btRigidBody& body = *btRigidBody::upcast(&object);

@@ -18,13 +18,10 @@ struct SleepRules {
   Tolerance tolerance{2.5e-4, 3.0, 5e-3};  // of changes of the ground
 };
 
-// Rest of a body or link: no point of it has gone farther than SleepRules::distance from its `anchor` for the time
-// `still` [s]. Asleep it has a `pose`, and `bounds` with the `ground` under them, in `blocks` of a `layout` of tiles
-// with so many `updates`; if the ground is not `calm` it may be another one without an update.
+// Rest of a body or link. Asleep it has a `pose`, and `bounds` with the `ground` under them, in `blocks` of a `layout`
+// of tiles with so many `updates`; if the ground is not `calm` it may be another one without an update.
 struct Rest {
-  Pose anchor{{}, {INFINITE, 0.0, 0.0}};
-  double still = 0.0;
-  bool asleep = false, is_first = false;  // of the links of its body
+  bool asleep = false;
   btTransform pose;
   Bounds bounds;
   GroundUnder ground;
@@ -36,9 +33,6 @@ struct Rest {
   int samples = 0;         // that say so
   double raised = 0.0;     // in this step [m]
   double radius = 0.0;     // bounding radius about the centre of mass [m]
-
-  // Counts a step of `duration` [s] after which a body is at a pose.
-  void note(const Pose& pose, double distance, double duration);
 };
 
 // Whether PyBullet lets a body sleep by its own rule.

@@ -31,16 +31,16 @@ ShapePart ball_around(const btCollisionShape& shape, const btTransform& pose) {
   return primitive_part(ShapeKind::Ball, {}, farthest.length(), {});
 }
 
-ShapePart hull_at(const btConvexHullShape& hull, const btTransform& pose) {
+std::vector<Vec3> points_of(const btConvexHullShape& hull, const btTransform& pose) {
   std::vector<Vec3> points;
   for (int k = 0; k < hull.getNumPoints(); ++k) points.push_back(from_bullet(pose * hull.getScaledPoint(k)));
-  return hull_part(points, hull.getMargin());
+  return points;
 }
 
 void add_part(const btCollisionShape& shape, const btTransform& pose, std::vector<ShapePart>& parts) {
   if (shape.getShapeType() == CONVEX_HULL_SHAPE_PROXYTYPE) {
     const auto& hull = static_cast<const btConvexHullShape&>(shape);
-    if (hull.getNumPoints() > 0) parts.push_back(hull_at(hull, pose));
+    if (hull.getNumPoints() > 0) parts.push_back(hull_part(points_of(hull, pose), hull.getMargin()));
   } else if (const auto convex =
                  shape.isConvex() ? convex_of(static_cast<const btConvexShape&>(shape)) : std::nullopt) {
     const auto [at, orientation] = body_pose(pose);
@@ -70,10 +70,8 @@ std::optional<Convex> convex_of(const btConvexShape& shape) {
     }
     case CONVEX_HULL_SHAPE_PROXYTYPE: {
       const auto& it = static_cast<const btConvexHullShape&>(shape);
-      std::vector<Vec3> points;
-      for (int k = 0; k < it.getNumPoints(); ++k) points.push_back(from_bullet(it.getScaledPoint(k)));
-      if (points.empty()) return {};
-      return hull(points, it.getMargin());
+      if (it.getNumPoints() == 0) return {};
+      return hull(points_of(it, btTransform::getIdentity()), it.getMargin());
     }
     default:
       return {};

@@ -29,7 +29,6 @@ void Sleep::set_rules(const SleepRules& rules) {
 void Sleep::note_asleep(Slot& slot) {
   Rest& rest = slot.rest;
   rest.asleep = true, rest.layout = -1;
-  rest.is_first = attached_.moving_slot(attached_.body(slot.body)) == &slot;
   rest.pose = slot.object->getWorldTransform();
   rest.bounds = bounds_of(*slot.object);
   now_.terrain->ground_under(rest.bounds, now_.time, rest.ground);
@@ -44,7 +43,7 @@ void Sleep::note_asleep(Slot& slot) {
 
 void Sleep::note_awake(Slot& slot) {
   slot.rest.asleep = false;
-  slot.rest.still = 0.0;
+  slot.still = 0.0;
   vacated_.push_back(slot.rest.bounds);
   slot.rest.ground.clear();
   attached_.note_rest_change();
@@ -63,9 +62,9 @@ void Sleep::note_rest() {
       continue;
     }
     AttachedBody& body = attached_.bodies[slot.body];
-    if (may_sleep) slot.rest.note(from_bullet(slot.object->getWorldTransform()), rules_.distance, now_.duration);
-    if (body.driven || slot.belt.speed != 0.0 || slot.is_on_carrier) slot.rest.still = 0.0;
-    body.still = std::min(body.still, slot.rest.still);
+    if (may_sleep) slot.note_still(from_bullet(slot.object->getWorldTransform()), rules_.distance, now_.duration);
+    if (body.driven || slot.belt.speed != 0.0 || slot.is_on_carrier) slot.still = 0.0;
+    body.still = std::min(body.still, slot.still);
   }
   if (may_sleep) put_resting_to_sleep();
 }

@@ -21,6 +21,18 @@ bool Slot::read(BodyState& state) {
   return true;
 }
 
+// A point is moved by at most the way of the middle and by its radius times |R - R'|, whose Frobenius norm is twice the
+// root of two times the sine of half the angle between the two.
+void Slot::note_still(const Pose& pose, double distance, double duration) {
+  double turned = 0.0;
+  for (int k = 0; k < 3; ++k) turned += norm2(pose.rotation.row[k] - anchor.rotation.row[k]);
+  const double strayed = norm(pose.at - anchor.at) + std::sqrt(0.5 * turned) * rest.radius;
+  if (strayed <= distance)
+    still += duration;
+  else
+    anchor = pose, still = 0.0;
+}
+
 const Convex* Slot::convex_of_part(const btCollisionShape& shape) {
   const auto [known, is_new] = parts.try_emplace(&shape);
   KnownPart& part = known->second;

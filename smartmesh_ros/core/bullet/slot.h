@@ -37,9 +37,21 @@ struct SlotKind {
   bool is_solid = false, is_own = false, is_remote = false;
 };
 
+// What a slot knows of the past, as numbers, which are saved. No point of its body has gone farther than
+// SleepRules::distance from its `anchor` for the time `still` [s]. `pull`: what gravity and applied forces added to a
+// rigid body's velocity in the last step [m/s]. `ground_angular`: of the ground at a contact that has rolling or
+// spinning friction, in the last step [rad/s]. `last_ground`, `falls`: as of `check_falls`; z NaN = none yet.
+struct SlotMemory {
+  double still = 0.0;
+  Pose anchor{{}, {INFINITE, 0.0, 0.0}};
+  Vec3 pull, ground_angular, last_ground{0.0, 0.0, NONE};
+  double falls = 0.0;
+};
+static_assert(sizeof(SlotMemory) == 23 * sizeof(double));
+
 // An attached body or link, by PyBullet's numbers, and its proxy, a body without mass.
-struct Slot {
-  bool used = false, is_robot = false;
+struct Slot : SlotMemory {
+  bool used = false;
   SlotKind kind;
   int body = -1, link = -1;                  // `body` -1 = it was removed from PyBullet
   int proxy = -1;                            // -1 = the body is only read, or its proxy was removed
@@ -52,16 +64,14 @@ struct Slot {
   NearbyGround near;                    // in this step
   std::vector<NearbyDeck> decks;        // likewise
   bool is_on_carrier = false;           // near a deck that a body carries which physics moves
-  Vec3 pull;            // what gravity and applied forces added to a rigid body's velocity in the last step [m/s]
-  Vec3 ground_angular;  // of the ground at a contact that has rolling or spinning friction, in the last step [rad/s]
-  Vec3 last_ground{0.0, 0.0, NONE};  // as of `check_falls`; z NaN = none yet
-  bool falls = false;
   Belt belt;
   Rest rest;
   std::unordered_map<const btCollisionShape*, KnownPart> parts;
   std::vector<const btCollisionShape*> leaves;  // convex parts of its shape, found when one first touches soil
   SoilParts on_soil;
 
+  // Counts a step of `duration` [s] after which the body is at a pose.
+  void note_still(const Pose& pose, double distance, double duration);
   void read_velocity();
   // Writes the state of the body; false if it is gone.
   bool read(BodyState& state);

@@ -125,7 +125,7 @@ void SoilInStep::touch(const Convex& convex, const Pose& pose, const OnSoil& on,
     under_.make_room(lattice, solid, step), part.rim.reset();
     part.is_set_down = norm(solid.linear) < FALLEN;
   }
-  carried.is_set_down = part.is_set_down;
+  carried.is_set_down = part.is_set_down != 0.0;
   if (was_near(part) && !was_moved && !before.empty() && before.size() == part.up.size()) {
     double up = 0.0;
     for (std::size_t k = 0; k < before.size(); ++k) up += before[k].normal_impulse * part.up[k];
@@ -164,7 +164,7 @@ void SoilInStep::press(const OnSoil& on, SoilParts& parts) {
     part.sums = under_.press(lattice, solid, part.rim, step);
     part.at = now.at;
     if (std::abs(solid.linear.z) < AT_REST * std::sqrt(norm(on.approach.gravity) * part.sums.sinkage))
-      part.is_set_down = false;
+      part.is_set_down = 0.0;
   }
 }
 

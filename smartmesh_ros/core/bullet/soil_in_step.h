@@ -13,17 +13,22 @@ namespace smartmesh {
 // as the cylinder or box around it.
 Shape pressing_shape(const Convex& convex);
 
+// What a part of a body on the soil knows of the past, as numbers, which are saved. `is_set_down`: it was put onto the
+// soil without a fall, and is not at rest there yet. `speed`: of its middle, upwards, at the start of the last step
+// [m/s]; `at`: its middle after that step [m].
+struct SoilPartMemory {
+  double is_set_down = 0.0, speed = 0.0;
+  Vec3 at;
+  SoilSums sums;
+};
+
 // A part of a body that came near the soil.
-struct SoilPart {
+struct SoilPart : SoilPartMemory {
   Shape shape;  // as it presses the soil
   Pose pose;    // of the pressing shape in the body's frame
   ShearedRim rim;
-  SoilSums sums;
-  Vec3 at;                   // its middle after the last step [m]
-  double speed = 0.0;        // of its middle, upwards, at the start of the last step [m/s]
-  std::int32_t step = 0;     // in which it last was near the soil
-  bool is_set_down = false;  // put onto the soil without a fall, and not at rest there yet
-  std::vector<double> up;    // vertical parts of the normals of its contacts
+  std::int32_t step = 0;   // in which it last was near the soil
+  std::vector<double> up;  // vertical parts of the normals of its contacts
 };
 // By their number among the convex parts of the body's shape.
 using SoilParts = std::map<int, SoilPart>;

@@ -32,7 +32,7 @@ void Sleep::wake(int body) {
   btCollisionObject* object = nullptr;
   for (int k : it.slots) {
     Slot& slot = attached_.slots[k];
-    slot.rest.still = 0.0;
+    slot.still = 0.0;
     if (slot.object != nullptr && !slot.object->isStaticOrKinematicObject()) object = slot.object;
     if (slot.rest.asleep) note_awake(slot);
   }
@@ -115,8 +115,9 @@ void Sleep::find_ways() {
 bool Sleep::is_disturbed(Slot& slot) {
   if (slot.object == nullptr || !sleeps(*slot.object)) return true;  // Bullet or its user woke it
   if (!(slot.rest.pose == slot.object->getWorldTransform())) return true;
-  if (slot.rest.is_first && is_pushed(*slot.object)) return true;
-  if (slot.rest.is_first && slot.is_robot && motors_of(*slot.object) != attached_.bodies[slot.body].sleeper.motors)
+  const AttachedBody& body = attached_.bodies[slot.body];
+  if (attached_.moving_slot(body) == &slot &&
+      (is_pushed(*slot.object) || motors_of(*slot.object) != body.sleeper.motors))
     return true;
   return is_another_ground(slot);
 }

@@ -96,7 +96,7 @@ bool BulletWorld::attach(int index, const ObjectName& name, int proxy, const Bod
   if (index >= static_cast<int>(attached.slots.size())) attached.slots.resize(index + 1);
   Slot& slot = attached.slots[index];
   slot = Slot{};
-  slot.used = true, slot.is_robot = robot_of(*object) != nullptr;
+  slot.used = true;
   slot.body = name.body, slot.link = name.link, slot.proxy = proxy;
   slot.object = object, slot.ground = ground;
   slot.kind.is_solid = ground != nullptr;
@@ -161,7 +161,7 @@ void BulletWorld::forget() {
   sleep.forget(), decks.forget();
   for (Slot& slot : attached.slots) {
     slot.pull = slot.ground_angular = {};
-    slot.rest.still = 0.0, slot.rest.anchor = Rest{}.anchor;
+    slot.still = 0.0, slot.anchor = SlotMemory{}.anchor;
     slot.on_soil.clear();
   }
   auto& objects = now.world.getCollisionObjectArray();

@@ -34,18 +34,41 @@ bool is_near(Deck& deck, const Bounds& bounds, const Vec3& velocity, double time
   return found.ground.highest >= local.low.z - moves;
 }
 
-void DeckSearch::add(const Convex& shape, const Pose& pose, Deck& deck, const NearbyDeck& near, double time,
-                     const Approach& body, std::vector<Contact>& contacts, Seams& seams) {
+std::vector<NearbyDeck> all_decks(const Tiles& tiles, int body) {
+  std::vector<NearbyDeck> found;
+  for (std::size_t k = 0; k < tiles.decks().size(); ++k)
+    if (tiles.decks()[k]->body != body) found.push_back({static_cast<int>(k), {}, 0.0});
+  return found;
+}
+
+void GroundContacts::find_on_decks(const Convex& shape, const Pose& pose, const Tiles& tiles,
+                                   const std::vector<NearbyDeck>& decks, double time, const Approach& body) {
+  on_decks_.clear(), seams_.clear();
+  for (const NearbyDeck& near : decks)  // a sleeping body may know decks that are gone
+    if (near.number < static_cast<int>(tiles.decks().size()))
+      add(shape, pose, *tiles.decks()[near.number], near, time, body);
+}
+
+void GroundContacts::find(const Convex& shape, const Pose& pose, Tiles& tiles, double time, const Approach& approach,
+                          std::vector<Contact>& contacts) {
+  search_.run(shape, pose, tiles, time, approach, contacts);
+  contacts.insert(contacts.end(), on_decks_.begin(), on_decks_.end());
+  seams_.remove_hidden(search_, pose.to_world(shape.centre), contacts);
+}
+
+// Adds the contacts with a deck, and its ground there to the seams.
+void GroundContacts::add(const Convex& shape, const Pose& pose, Deck& deck, const NearbyDeck& near, double time,
+                         const Approach& body) {
   const FrameState frame = deck.motion.at(time);
   const Pose local = smartmesh::seen_from(frame.pose, pose);
   if (deck.is_above(local.to_world(shape.centre), time)) return;
-  search_.run(shape, local, deck.tiles, time, seen_from(frame, near.ground, body), found_, deck.thickness);
-  seams.add(search_, frame.pose);
-  if (found_.empty()) return;
+  deck_search_.run(shape, local, deck.tiles, time, seen_from(frame, near.ground, body), on_deck_, deck.thickness);
+  seams_.add(deck_search_, frame.pose);
+  if (on_deck_.empty()) return;
   // Where the deck is at the end of the step: a point of it moves along a chord.
   const Pose end = deck.motion.at(time + body.ahead).pose;
   const bool has_material = deck.tiles.has_material();
-  for (Contact contact : found_) {
+  for (Contact contact : on_deck_) {
     if (contact.distance < -deck.thickness) continue;
     const Vec3 p = contact.point;
     if (has_material) contact.material = deck.tiles.material(p.x, p.y, time);
@@ -60,7 +83,7 @@ void DeckSearch::add(const Convex& shape, const Pose& pose, Deck& deck, const Ne
       contact.ground.angular = frame.velocity.angular + frame.pose.rotation * contact.ground.angular;
       contact.ground_turn = contact.ground_turn + cross(frame.velocity.angular, contact.ground_edge);
     }
-    contacts.push_back(contact);
+    on_decks_.push_back(contact);
   }
 }
 

@@ -1,4 +1,4 @@
-// Contacts of a shape with a deck: found in the deck's frame, told in the world.
+// Contacts of a shape with all ground: those with decks are found in the frames of the decks, and told in the world.
 #pragma once
 
 #include <vector>
@@ -21,16 +21,28 @@ struct NearbyDeck {
 // `duration` [s].
 bool is_near(Deck& deck, const Bounds& bounds, const Vec3& velocity, double time, double duration, NearbyDeck& found);
 
-// Adds the contacts of a shape at `pose` with a deck at `time` [s], and the deck's ground there to `seams`. `body`:
-// motion of the body relative to the world.
-class DeckSearch {
+// Returns all decks but those that a PyBullet `body` carries, as they are to a body at rest.
+std::vector<NearbyDeck> all_decks(const Tiles& tiles, int body = NOBODY);
+
+class GroundContacts {
  public:
-  void add(const Convex& shape, const Pose& pose, Deck& deck, const NearbyDeck& near, double time, const Approach& body,
-           std::vector<Contact>& contacts, Seams& seams);
+  // Finds the contacts of a shape at `pose` with some decks of the tiles at `time` [s]. `body`: motion of the body
+  // relative to the world.
+  void find_on_decks(const Convex& shape, const Pose& pose, const Tiles& tiles, const std::vector<NearbyDeck>& decks,
+                     double time, const Approach& body);
+  bool has_decks() const { return !on_decks_.empty(); }
+  // Replaces `contacts` by those of the shape with the other ground, see ContactSearch, and those found on decks
+  // before.
+  void find(const Convex& shape, const Pose& pose, Tiles& tiles, double time, const Approach& approach,
+            std::vector<Contact>& contacts);
 
  private:
-  ContactSearch search_;
-  std::vector<Contact> found_;
+  void add(const Convex& shape, const Pose& pose, Deck& deck, const NearbyDeck& near, double time,
+           const Approach& body);
+
+  ContactSearch search_, deck_search_;
+  std::vector<Contact> on_deck_, on_decks_;
+  Seams seams_;
 };
 
 }  // namespace smartmesh

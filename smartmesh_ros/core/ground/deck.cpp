@@ -30,14 +30,10 @@ void Deck::add_ground_under(const Bounds& bounds, double time, GroundUnder& foun
   const Bounds local = local_bounds(pose, bounds.grown(NEAR));
   const Vec3 middle = (local.low + local.high) * 0.5;
   if (tiles.near(local, time, 0.0).highest < local.low.z || is_above(middle, time)) return;
-  GroundUnder here;
-  tiles.ground_under(local, time, here);
-  if (here.heights.empty() && here.vertices.empty()) return;
-  found.heights.insert(found.heights.end(), here.heights.begin(), here.heights.end());
-  found.materials.insert(found.materials.end(), here.materials.begin(), here.materials.end());
-  found.variances.insert(found.variances.end(), here.heights.size(), -1.0f);
-  found.vertices.insert(found.vertices.end(), here.vertices.begin(), here.vertices.end());
-  found.slides |= here.slides;
+  const std::size_t heights = found.heights.size(), vertices = found.vertices.size();
+  tiles.add_ground_under(local, time, found);
+  if (found.heights.size() == heights && found.vertices.size() == vertices) return;
+  std::fill(found.variances.begin() + static_cast<std::ptrdiff_t>(heights), found.variances.end(), -1.0f);
   const double far =
       norm(middle) + norm(local.high - middle);  // no point of the body is farther from the frame's origin
   for (const Vec3& v : {pose.at, pose.rotation.row[0] * far, pose.rotation.row[1] * far, pose.rotation.row[2] * far})

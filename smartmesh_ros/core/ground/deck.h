@@ -16,7 +16,7 @@ struct Deck {
   FrameMotion motion;
   double thickness = INFINITE;
   int body = -1, link = -1;
-  FrameSample place{0.0, {}, {}, {}};
+  FrameSample place;
 
   // Returns the bounds in the deck's frame of what lies inside some bounds of the world.
   static Bounds local_bounds(const Pose& pose, const Bounds& bounds);

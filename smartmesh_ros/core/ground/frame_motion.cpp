@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "map/motion.h"
+#include "map/height_grid.h"
 
 namespace smartmesh {
 
@@ -39,10 +39,6 @@ FrameVelocity between(const FrameSample& before, const FrameSample& after) {
   return {(after.at - before.at) * rate, rotation_vector(before.orientation, after.orientation) * rate};
 }
 
-FrameVelocity difference(const FrameVelocity& a, const FrameVelocity& b, double rate) {
-  return {(a.linear - b.linear) * rate, (a.angular - b.angular) * rate};
-}
-
 Vec3 agreed_by_axis(const Vec3& change, const Vec3& before) {
   return {agreed(change.x, before.x), agreed(change.y, before.y), agreed(change.z, before.z)};
 }
@@ -54,105 +50,107 @@ FrameVelocity agreed(const FrameVelocity& change, const FrameVelocity& before) {
 }
 
 void FrameMotion::put(const FrameSample& sample) {
-  samples_[0] = sample, samples_[0].orientation = normalised(sample.orientation), known_ = 1;
-  velocity_ = sample.velocity.value_or(FrameVelocity{}), change_ = {};
-  lasts_ = INFINITE;
-  ++revision_;
+  FrameSample& now = samples[0];
+  now = sample, now.orientation = normalised(sample.orientation);
+  known = 1.0, lasts = INFINITE;
+  velocity = sample.velocity, change = {};
+  revision_ = next_revision();
 }
 
 void FrameMotion::note(const FrameSample& sample) {
-  if (known_ == 0 || sample.time < time()) return put(sample);
+  if (known == 0.0 || sample.time < time()) return put(sample);
   if (rests_at(sample)) return;
   if (sample.time != time()) {
-    std::copy_backward(samples_.begin(), samples_.end() - 1, samples_.end());
-    known_ = std::min(known_ + 1, 4);
+    std::copy_backward(samples, samples + 3, samples + 4);
+    known = std::min(known + 1.0, 4.0);
   }
-  samples_[0] = sample, samples_[0].orientation = normalised(sample.orientation);
-  if (known_ > 1)
+  samples[0] = sample, samples[0].orientation = normalised(sample.orientation);
+  if (known > 1.0)
     estimate();
   else
     put(sample);
-  ++revision_;
+  revision_ = next_revision();
 }
 
 // Differences of velocities that are told hold between two samples; those of mean velocities, which hold in the middle
 // of their intervals, between three.
 FrameVelocity FrameMotion::change_before(int age) const {
-  const FrameSample &now = samples_[age], &before = samples_[age + 1];
-  if (now.velocity) return difference(*now.velocity, *before.velocity, 1.0 / (now.time - before.time));
-  const FrameSample& first = samples_[age + 2];
+  const FrameSample &now = samples[age], &before = samples[age + 1];
+  if (now.is_told != 0.0) return difference(now.velocity, before.velocity, 1.0 / (now.time - before.time));
+  const FrameSample& first = samples[age + 2];
   return difference(between(before, now), between(first, before), 2.0 / (now.time - first.time));
 }
 
 void FrameMotion::estimate() {
-  const FrameSample &now = samples_[0], &before = samples_[1];
+  const FrameSample &now = samples[0], &before = samples[1];
   const double interval = now.time - before.time;
   const FrameVelocity last = between(before, now);
-  lasts_ = LATE_AFTER * interval, change_ = {};
-  const bool is_told = now.velocity.has_value();
+  lasts = LATE_AFTER * interval, change = {};
+  const bool is_told = now.is_told != 0.0;
   if (!is_told && !(norm(last.linear) <= fastest)) return put(FrameSample(now));
   int alike = 1;  // samples that tell their velocities, or do not
-  while (alike < known_ && samples_[alike].velocity.has_value() == is_told) ++alike;
-  if (alike >= (is_told ? 3 : 4)) change_ = agreed(change_before(0), change_before(1));
-  velocity_ = is_told ? *now.velocity : last;
+  while (alike < known && (samples[alike].is_told != 0.0) == is_told) ++alike;
+  if (alike >= (is_told ? 3 : 4)) change = agreed(change_before(0), change_before(1));
+  velocity = is_told ? now.velocity : last;
   if (is_told) return;
-  velocity_.linear = last.linear + change_.linear * (0.5 * interval);
-  velocity_.angular = last.angular + change_.angular * (0.5 * interval);
+  velocity.linear = last.linear + change.linear * (0.5 * interval);
+  velocity.angular = last.angular + change.angular * (0.5 * interval);
 }
 
 void FrameMotion::set(const FrameSample& sample, const FrameVelocity& change) {
   if (rests_at(sample)) return;
   put(sample);
-  change_ = change;
+  FrameMemory::change = change;
 }
 
 void FrameMotion::stop(double time) {
-  if (moves(time)) put({time, at(time).pose.at, orientation_at(time), {}});
+  if (moves(time)) put({time, at(time).pose.at, orientation_at(time)});
 }
 
 bool FrameMotion::rests_at(const FrameSample& sample) {
-  const FrameVelocity told = sample.velocity.value_or(FrameVelocity{});
+  FrameSample& last = samples[0];
   const Quaternion orientation = normalised(sample.orientation);
-  const bool is_there = norm2(sample.at - samples_[0].at) == 0.0 && orientation.x == samples_[0].orientation.x &&
-                        orientation.y == samples_[0].orientation.y && orientation.z == samples_[0].orientation.z &&
-                        orientation.w == samples_[0].orientation.w;
-  if (known_ == 0 || !is_there || moves(samples_[0].time) || norm2(told.linear) + norm2(told.angular) > 0.0)
+  const bool is_there = norm2(sample.at - last.at) == 0.0 && orientation.x == last.orientation.x &&
+                        orientation.y == last.orientation.y && orientation.z == last.orientation.z &&
+                        orientation.w == last.orientation.w;
+  if (known == 0.0 || !is_there || moves(last.time) ||
+      norm2(sample.velocity.linear) + norm2(sample.velocity.angular) > 0.0)
     return false;
-  samples_[0].time = sample.time;
+  last.time = sample.time;
   return true;
 }
 
 void FrameMotion::shift_time(double by) {
-  for (FrameSample& sample : samples_) sample.time += by;
-  ++revision_;
+  for (FrameSample& sample : samples) sample.time += by;
+  revision_ = next_revision();
 }
 
 double FrameMotion::time_moved(double time, double& rate) const {
-  const double since = time - samples_[0].time, late = since - lasts_, stops = STOPS_IN / LATE_AFTER * lasts_;
+  const double since = time - samples[0].time, late = since - lasts, stops = STOPS_IN / LATE_AFTER * lasts;
   rate = 1.0;
   if (!(late > 0.0)) return since;
   if (late >= stops) {
     rate = 0.0;
-    return lasts_ + 0.5 * stops;
+    return lasts + 0.5 * stops;
   }
   rate = 1.0 - late / stops;
-  return lasts_ + late - 0.5 * late * late / stops;
+  return lasts + late - 0.5 * late * late / stops;
 }
 
 Quaternion FrameMotion::orientation_at(double time) const {
   double rate;
   const double t = time_moved(time, rate);
-  return quaternion_of(velocity_.angular * t + change_.angular * (0.5 * t * t)) * samples_[0].orientation;
+  return quaternion_of(velocity.angular * t + change.angular * (0.5 * t * t)) * samples[0].orientation;
 }
 
 FrameState FrameMotion::at(double time) const {
   double rate;
   const double t = time_moved(time, rate), half = 0.5 * t * t;
   FrameState found;
-  found.pose.at = samples_[0].at + velocity_.linear * t + change_.linear * half;
+  found.pose.at = samples[0].at + velocity.linear * t + change.linear * half;
   found.pose.rotation = transpose(axes_of(orientation_at(time)));
-  found.velocity.linear = (velocity_.linear + change_.linear * t) * rate;
-  found.velocity.angular = (velocity_.angular + change_.angular * t) * rate;
+  found.velocity.linear = (velocity.linear + change.linear * t) * rate;
+  found.velocity.angular = (velocity.angular + change.angular * t) * rate;
   return found;
 }
 
@@ -160,17 +158,7 @@ bool FrameMotion::moves(double time) const {
   double rate;
   time_moved(time, rate);
   return rate > 0.0 &&
-         norm2(velocity_.linear) + norm2(velocity_.angular) + norm2(change_.linear) + norm2(change_.angular) > 0.0;
-}
-
-FrameMemory FrameMotion::memory() const {
-  FrameMemory found{static_cast<double>(known_), lasts_, velocity_, change_, {}};
-  for (std::size_t k = 0; k < samples_.size(); ++k) {
-    const FrameSample& sample = samples_[k];
-    found.samples[k] = {sample.time, sample.at, sample.orientation, static_cast<double>(sample.velocity.has_value()),
-                        sample.velocity.value_or(FrameVelocity{})};
-  }
-  return found;
+         norm2(velocity.linear) + norm2(velocity.angular) + norm2(change.linear) + norm2(change.angular) > 0.0;
 }
 
 bool FrameMotion::recall(const FrameMemory& memory) {
@@ -178,14 +166,8 @@ bool FrameMotion::recall(const FrameMemory& memory) {
              *end = reinterpret_cast<const double*>(&memory + 1);
   if (!(memory.known >= 0.0 && memory.known <= 4.0 && memory.lasts >= 0.0)) return false;
   if (!std::all_of(first, end, [](double number) { return std::isfinite(number); })) return false;
-  known_ = static_cast<int>(memory.known), lasts_ = memory.lasts;
-  velocity_ = memory.velocity, change_ = memory.change;
-  for (std::size_t k = 0; k < samples_.size(); ++k) {
-    const FrameMemory::Sample& sample = memory.samples[k];
-    samples_[k] = {sample.time, sample.at, sample.orientation, {}};
-    if (sample.is_told != 0.0) samples_[k].velocity = sample.velocity;
-  }
-  ++revision_;
+  static_cast<FrameMemory&>(*this) = memory, known = std::floor(memory.known);
+  revision_ = next_revision();
   return true;
 }
 

@@ -1,9 +1,6 @@
 // Motion of a frame with all six degrees of freedom, second order in time.
 #pragma once
 
-#include <array>
-#include <optional>
-
 #include "math/rotation.h"
 #include "math/vec3.h"
 
@@ -14,6 +11,10 @@ struct FrameVelocity {
   Vec3 linear, angular;
 };
 
+// Returns the difference of two velocities, times a `rate` [1/s].
+inline FrameVelocity difference(const FrameVelocity& a, const FrameVelocity& b, double rate) {
+  return {(a.linear - b.linear) * rate, (a.angular - b.angular) * rate};
+}
 // Returns a change of a velocity as far as the change before agrees; see `agreed` in motion.h.
 FrameVelocity agreed(const FrameVelocity& change, const FrameVelocity& before);
 
@@ -26,31 +27,26 @@ struct FrameState {
   Vec3 velocity_at(const Vec3& p) const { return velocity.linear + cross(velocity.angular, p - pose.at); }
 };
 
-// Where a frame was at a time [s], and its velocity if it was told.
+// Where a frame was at a time [s], and its velocity if it `is_told`, as numbers; zero = it is not.
 struct FrameSample {
-  double time;
+  double time = 0.0;
   Vec3 at;
   Quaternion orientation;
-  std::optional<FrameVelocity> velocity;
+  double is_told = 0.0;
+  FrameVelocity velocity;
 };
 
-// All that a frame goes on from, as numbers. `known`: of the samples, newest first. `lasts` [s]: see FrameMotion.
-// `is_told`: the velocity of a sample.
+// All that a frame goes on from, as numbers. `known`: of the samples, newest first. `lasts` [s]: age of the last sample
+// up to which the frame moves on; then it stops.
 struct FrameMemory {
-  double known, lasts;
+  double known = 0.0, lasts = 0.0;
   FrameVelocity velocity, change;
-  struct Sample {
-    double time;
-    Vec3 at;
-    Quaternion orientation;
-    double is_told;
-    FrameVelocity velocity;
-  } samples[4];
+  FrameSample samples[4];
 };
 
 // From the last sample on a frame moves with a constant acceleration and angular acceleration, which come from the last
 // three poses, or from the last two velocities where they are told, as far as the change before agrees.
-class FrameMotion {
+class FrameMotion : FrameMemory {
  public:
   // Speed above which a frame without told velocities has jumped [m/s].
   double fastest = 100.0;
@@ -67,11 +63,11 @@ class FrameMotion {
 
   FrameState at(double time) const;
   bool moves(double time) const;
-  double time() const { return samples_[0].time; }
-  // Returns a number that grows with each change.
+  double time() const { return samples[0].time; }
+  // Returns the number of the last change.
   long revision() const { return revision_; }
 
-  FrameMemory memory() const;
+  const FrameMemory& memory() const { return *this; }
   // Goes on from what `memory` returned; returns false, and changes nothing, if the numbers are none of a frame.
   bool recall(const FrameMemory& memory);
 
@@ -87,10 +83,6 @@ class FrameMotion {
   // Returns the change of the velocity between samples, which `age` more came after [m/s^2], [rad/s^2].
   FrameVelocity change_before(int age) const;
 
-  std::array<FrameSample, 4> samples_{};  // newest first
-  int known_ = 0;
-  FrameVelocity velocity_, change_;
-  double lasts_ = 0.0;  // [s]
   long revision_ = 0;
 };
 

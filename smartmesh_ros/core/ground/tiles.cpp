@@ -9,29 +9,17 @@ namespace smartmesh {
 
 namespace {
 
-// Layouts count in steps that no changes of tiles make up for.
-constexpr long NEW_LAYOUT = 1L << 32;
-
 // Returns true if there is ground at a height [m], and none at an `other` one that is as high; NaN = no ground there.
 bool is_above(double height, double other) { return !(height <= other) && !std::isnan(height); }
 
 }  // namespace
 
-MeshPoint GroundReader::meshes_at(double x, double y, double z, const MeshReader*& highest) {
-  MeshPoint found;
-  for (MeshReader& mesh : meshes) {
-    const MeshPoint ground = mesh.below(x, y, z);
-    if (is_above(ground.height, found.height)) found = ground, highest = &mesh;
-  }
-  return found;
-}
-
 GroundPoint GroundReader::at(double x, double y, double z, double of_decks, int body) {
   const GridFacet tile = tiles.at(x, y).facet;
-  const MeshReader* highest = nullptr;
-  const MeshPoint mesh = meshes_at(x, y, z, highest);
-  GroundPoint found = is_above(mesh.height, tile.height) ? GroundPoint{mesh.height, mesh.velocity}
-                                                         : GroundPoint{tile.height, {0.0, 0.0, tile.velocity}};
+  GroundPoint found{tile.height, {0.0, 0.0, tile.velocity}};
+  for (MeshReader& mesh : meshes)
+    if (const GroundSample here = mesh.below(x, y, z); is_above(here.height, found.height))
+      found = {here.height, here.velocity};
   if (decks == nullptr) return found;
   for (DeckReader& deck : *decks) {
     if (deck.deck->body == body) continue;
@@ -52,10 +40,8 @@ GroundSample GroundReader::below(const Vec3& p) {
              here.tile->velocity(p.x, p.y, here.facet.velocity, tiles.ahead()), tiles.time() - clock.time,
              grid.material_of(row, column).friction};
   }
-  const MeshReader* mesh = nullptr;
-  const MeshPoint ground = meshes_at(p.x, p.y, p.z, mesh);
-  if (mesh != nullptr && !(ground.height <= found.height))
-    found = {ground.height, ground.normal, ground.velocity, mesh->age()};
+  for (MeshReader& mesh : meshes)
+    if (const GroundSample here = mesh.below(p.x, p.y, p.z); is_above(here.height, found.height)) found = here;
   if (decks == nullptr) return found;
   for (DeckReader& deck : *decks)
     if (const GroundSample here = deck.below(p); is_above(here.height, found.height)) found = here;
@@ -83,7 +69,7 @@ void Tiles::set_all(const std::vector<HeightGrid*>& maps, const std::vector<Mesh
   decks_ = decks;
   widest_cell_ = 0.0;
   for (const HeightGrid* grid : maps_) widest_cell_ = std::max(widest_cell_, grid->resolution);
-  layout_ += NEW_LAYOUT;
+  layout_ = next_revision();
   placed_revision_ = -1;
 }
 
@@ -104,11 +90,11 @@ void Tiles::note_shown(double time) {
 }
 
 long Tiles::revision() const {
-  long sum = layout_;
-  for (const HeightGrid* grid : maps_) sum += grid->revision;
-  for (const MeshSurface* mesh : meshes_) sum += mesh->revision;
-  for (const Deck* deck : decks_) sum += deck->tiles.revision() + deck->motion.revision();
-  return sum;
+  long last = layout_;
+  for (const HeightGrid* grid : maps_) last = std::max(last, grid->revision);
+  for (const MeshSurface* mesh : meshes_) last = std::max(last, mesh->revision);
+  for (const Deck* deck : decks_) last = std::max({last, deck->tiles.revision(), deck->motion.revision()});
+  return last;
 }
 
 bool Tiles::has_material() const {
@@ -125,8 +111,12 @@ bool Tiles::moves(double time) const {
 
 void Tiles::ground_under(const Bounds& bounds, double time, GroundUnder& found) {
   found.clear();
+  add_ground_under(bounds, time, found);
+}
+
+void Tiles::add_ground_under(const Bounds& bounds, double time, GroundUnder& found) {
   const Bounds grown = with_gaps(bounds);
-  for (const HeightGrid* grid : maps_) add_ground_under(*grid, time, grown, found);
+  for (const HeightGrid* grid : maps_) smartmesh::add_ground_under(*grid, time, grown, found);
   Patch near;
   gather_meshes(bounds, time, 0.0, Everything{}, near);
   for (const Vec3& p : near.points) found.vertices.insert(found.vertices.end(), {p.x, p.y, p.z});

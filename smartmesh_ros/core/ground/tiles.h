@@ -23,25 +23,14 @@ struct NearbyGround {
   double spread = 0.0;
 };
 
-// The ground at a point: height [m], NaN = none, unit normal towards the side of the bodies, velocity [m/s] with
-// horizontal motion, age [s], the time since the last map of the place, negative before it, and coefficient of
-// friction.
-struct GroundSample {
-  double height = NONE;
-  Vec3 normal, velocity;
-  double age = NONE, friction = Material{}.friction;
-};
+constexpr int NOBODY = -2;
 
 // The height maps, the meshes and the decks of a terrain at one instant; `decks` is null if there are none.
-constexpr int NOBODY = -2;
 struct GroundReader {
   TileReader tiles;
   std::vector<MeshReader> meshes;
   std::shared_ptr<std::vector<DeckReader>> decks;
 
-  // Returns the highest ground of the meshes at (x, y) that is not above `z` [m]. `highest`: the mesh, if there is
-  // ground.
-  MeshPoint meshes_at(double x, double y, double z, const MeshReader*& highest);
   // Returns the highest ground at (x, y). Ground of meshes above `z` [m] does not count, nor that of decks farther
   // above `of_decks` [m] than they are thick, nor of those that a PyBullet `body` carries, NOBODY = all count.
   GroundPoint at(double x, double y, double z = ABOVE_ALL, double of_decks = ABOVE_ALL, int body = NOBODY);
@@ -65,6 +54,8 @@ class Tiles {
   // The first height map that has ground at a point counts there. The parts of one mesh join where they abut.
   void set_all(const std::vector<HeightGrid*>& maps, const std::vector<MeshSurface*>& meshes,
                const std::vector<Deck*>& decks = {});
+  const std::vector<HeightGrid*>& maps() const { return maps_; }
+  const std::vector<MeshSurface*>& meshes() const { return meshes_; }
   const std::vector<Deck*>& decks() const { return decks_; }
 
   // Fills `patch` with the ground of height maps, or of meshes, beside decks, inside `bounds` at `time` [s], as far as
@@ -82,9 +73,9 @@ class Tiles {
   void show_corrections(double time, std::vector<MapCorrection>& found);
   // Notes that bodies met the ground up to the instant `time` [s].
   void note_shown(double time);
-  // Returns a number that grows with every change of the tiles or their samples.
+  // Returns the number of the last change of the tiles or their samples.
   long revision() const;
-  // Returns a number that grows when there are other tiles.
+  // Returns the number of the last change of which tiles there are, beside those of decks.
   long layout() const { return layout_; }
   // Returns true if any height map has a material, also of decks.
   bool has_material() const;
@@ -95,6 +86,7 @@ class Tiles {
   // Finds the ground inside `bounds` at `time` [s], and the blocks of samples there, which are known until there
   // are other tiles.
   void ground_under(const Bounds& bounds, double time, GroundUnder& found);
+  void add_ground_under(const Bounds& bounds, double time, GroundUnder& found);
   void blocks_under(const Bounds& bounds, double time, std::vector<BlockUnder>& found) const;
   // Returns the updates so far of some blocks, and of all meshes and decks.
   Updates updates_of(const std::vector<BlockUnder>& blocks, double time) const;

@@ -26,7 +26,6 @@ class Untouched {
   Untouched& operator=(const Untouched&) = delete;
 
   T* data() const { return data_; }
-  const T& operator[](std::size_t i) const { return data_[i]; }
 
  private:
   std::size_t count_;

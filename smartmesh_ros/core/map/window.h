@@ -46,7 +46,7 @@ struct Window {
   }
 };
 
-// Rectangle of cells: first row and column, and the row and column after the last.
+// Rectangle of cells or of samples: first row and column, and the row and column after the last.
 struct CellRange {
   int top = 0, left = 0, bottom = 0, right = 0;
   bool empty() const { return bottom <= top || right <= left; }

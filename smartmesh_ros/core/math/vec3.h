@@ -23,7 +23,6 @@ inline double dot(const Vec3& a, const Vec3& b) { return a.x * b.x + a.y * b.y +
 inline Vec3 cross(const Vec3& a, const Vec3& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
-inline Vec3 vector_at(const double* p) { return {p[0], p[1], p[2]}; }
 // Returns the component of a vector along x, y or z.
 inline double component(const Vec3& v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
 inline double norm2(const Vec3& a) { return dot(a, a); }

@@ -71,7 +71,7 @@ RayHit MeshReader::first_hit(const Vec3& from, const Vec3& way, double range) co
   return {hit.distance, unit(cross(position(k[1]) - a, position(k[2]) - a))};
 }
 
-MeshPoint MeshReader::below(double x, double y, double z) {
+GroundSample MeshReader::below(double x, double y, double z) {
   mesh_->tree_.find(Bounds{{x, y, -1e300}, {x, y, z}}.grown(drift_), found_);
   int best = -1;
   double height = 0.0, weights[3] = {};
@@ -92,11 +92,9 @@ MeshPoint MeshReader::below(double x, double y, double z) {
   if (best < 0) return {};
   const auto& k = mesh_->topology_.facets[best];
   const Vec3 a = position(k[0]), normal = unit(cross(position(k[1]) - a, position(k[2]) - a));
-  return {
-      height,
-      (displacement_of(k[0]) * weights[0] + displacement_of(k[1]) * weights[1] + displacement_of(k[2]) * weights[2]) *
-          (1.0 / ahead_),
-      normal};
+  const Vec3 moved =
+      displacement_of(k[0]) * weights[0] + displacement_of(k[1]) * weights[1] + displacement_of(k[2]) * weights[2];
+  return {height, normal, moved * (1.0 / ahead_), age_};
 }
 
 }  // namespace smartmesh

@@ -31,14 +31,12 @@ class MeshReader {
   Motion motion(int axis, int v) const;
 
   // Returns the highest ground at (x, y) that is not above `z` [m].
-  MeshPoint below(double x, double y, double z);
+  GroundSample below(double x, double y, double z);
 
   // Returns where a ray along the unit vector `way` meets the mesh first within `range` [m], from either side.
   RayHit first_hit(const Vec3& from, const Vec3& way, double range) const;
 
   double ahead() const { return ahead_; }
-  // Returns the time since the last update of the mesh [s].
-  double age() const { return age_; }
 
  private:
   struct Motions {

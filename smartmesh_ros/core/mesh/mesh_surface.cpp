@@ -159,7 +159,7 @@ MeshSurface::MeshSurface(const double* positions, int count, const std::int64_t*
 bool MeshSurface::moves(double time) const { return may_move(clock, time, mode); }
 
 void MeshSurface::update() {
-  ++revision;
+  revision = next_revision();
   const std::size_t n = vertices;
   points_.resize(n);
   for (std::size_t v = 0; v < n; ++v) points_[v] = {now[v], now[n + v], now[2 * n + v]};

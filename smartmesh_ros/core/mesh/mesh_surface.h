@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "map/motion.h"
+#include "map/height_grid.h"
 #include "map/untouched.h"
 #include "math/box_tree.h"
 #include "mesh/mesh_topology.h"
@@ -13,11 +13,13 @@
 
 namespace smartmesh {
 
-// Ground of a mesh under a point: height [m] (NaN = none), and of the facet there the mean velocity at that point [m/s]
-// over a duration and the unit normal on the counterclockwise side.
-struct MeshPoint {
+// The ground at a point: height [m], NaN = none, unit normal towards the side of the bodies, velocity [m/s] with
+// horizontal motion, age [s], the time since the last map of the place, negative before it, and coefficient of
+// friction.
+struct GroundSample {
   double height = NONE;
-  Vec3 velocity, normal;
+  Vec3 normal, velocity;
+  double age = NONE, friction = Material{}.friction;
 };
 
 // Where a ray meets the ground: distance [m], infinity = nowhere, and the unit normal there.
@@ -45,7 +47,7 @@ struct MeshSurface {
   Clock clock{};
   Mode mode = Mode::Extrapolate;
   double max_velocity = 0.0, smoothing = 0.0, shown = INFINITE;  // as in HeightGrid
-  long revision = 0;                                             // grows with every update
+  long revision = 0;                                             // changes with every update
 
   bool blends() const { return mode == Mode::Interpolate || (mode == Mode::Extrapolate && smoothing > 0.0); }
 

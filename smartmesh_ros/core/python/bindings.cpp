@@ -60,18 +60,18 @@ nb::object fused_of(nb::object self) {
   return nb::cast(std::make_tuple(view(map.fused), view(map.variances)));
 }
 
-// A field of a record that Python shares: its name, 'f' = numbers of double precision or 'i' = whole ones, how many,
-// and its place [bytes].
-using FieldLayout = std::tuple<std::string, std::string, std::size_t, std::size_t>;
+// A field of a record that Python shares: its name, its NumPy type, numbers of double precision or whole ones, and its
+// place [bytes].
+using FieldLayout = std::tuple<std::string, std::string, std::size_t>;
 
-template <class Record, class Field>
-FieldLayout field(const char* name, Field Record::*member) {
+template <class Field>
+FieldLayout field(const char* name, Field Clock::*member) {
   static_assert(sizeof(Field) % 8 == 0, "numbers of eight bytes");
-  const Record record{};
-  const auto* at = reinterpret_cast<const char*>(&(record.*member));
-  constexpr bool is_whole = std::is_integral_v<Field> || std::is_enum_v<Field>;
-  return {name, is_whole ? "i" : "f", sizeof(Field) / 8,
-          static_cast<std::size_t>(at - reinterpret_cast<const char*>(&record))};
+  static const Clock clock{};
+  const std::string numbers = std::is_array_v<Field> ? "(" + std::to_string(sizeof(Field) / 8) + ",)" : "";
+  return {name, numbers + (std::is_integral_v<Field> ? "i8" : "f8"),
+          static_cast<std::size_t>(reinterpret_cast<const char*>(&(clock.*member)) -
+                                   reinterpret_cast<const char*>(&clock))};
 }
 
 std::vector<FieldLayout> clock_layout() {
@@ -89,7 +89,7 @@ NB_MODULE(_core, m) {
   using namespace smartmesh;
   m.def("next_revision", &next_revision);
   nb::set_leak_warnings(false);  // a ground may live until the process ends
-  m.attr("CLOCK") = nb::make_tuple(sizeof(Clock), clock_layout());
+  m.attr("CLOCK") = clock_layout();
   nb::class_<Grid>(m, "Grid")
       .def(nb::init<int, int>(), "rows"_a, "columns"_a)
       .def_prop_ro("heights", [](nb::object self) { return samples_of(self, &HeightGrid::heights); })
@@ -111,7 +111,7 @@ NB_MODULE(_core, m) {
             const StepLock lock;
             g.grid.settled = instant;
           })
-      .def("set_layer", &Grid::set_layer, "layer"_a, "samples"_a.noconvert().none(), "uniform"_a)
+      .def("set_layer", &Grid::set_layer, "layer"_a, "samples"_a, "uniform"_a)
       .def("set_motion", &Grid::set_motion, "mode"_a, "max_velocity"_a, "settle"_a, "noise"_a, "smoothing"_a)
       .def(
           "moves", [](const Grid& g, double time) { return g.grid.moves(time); }, "time"_a)
@@ -120,7 +120,7 @@ NB_MODULE(_core, m) {
         return std::make_tuple(s.height, s.rise);
       });
   nb::class_<Mesh>(m, "Mesh")
-      .def(nb::init<Doubles2, Whole2>(), "vertices"_a.noconvert(), "triangles"_a.noconvert())
+      .def(nb::init<Doubles2, Triangles>(), "vertices"_a, "triangles"_a)
       .def_prop_ro("vertices", &vertices_of<&MeshSurface::now>)
       .def_prop_ro("offsets", &vertices_of<&MeshSurface::offsets>)
       .def_prop_ro("rates", &vertices_of<&MeshSurface::rates>)

@@ -1,16 +1,9 @@
 // Arrays that Python gives to the core, and the parts of the ground that keep them. Each bindings_*.cpp adds one room.
 #pragma once
 
-#include <array>
 #include <cmath>
-#include <cstdint>
 #include <optional>
-#include <stdexcept>
-#include <string>
-#include <type_traits>
 
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/tuple.h>
 
@@ -18,18 +11,12 @@
 #include "ground/tiles.h"
 #include "map/map_memory.h"
 #include "mesh/mesh_surface.h"
+#include "python/tables.h"
 #include "step/step_lock.h"
 
 namespace smartmesh {
 
-namespace nb = nanobind;
 using namespace nb::literals;
-
-// Refuses data that a processor may not read as numbers of `size` bytes, such as views of bytes at odd addresses.
-inline void check_alignment(const void* data, std::size_t size) {
-  if (reinterpret_cast<std::uintptr_t>(data) % size != 0)
-    throw std::invalid_argument("arrays must be aligned; pass a copy");
-}
 
 // Raises the package's `InputError`.
 [[noreturn]] inline void refuse(const char* reason, const char* message) {
@@ -38,50 +25,18 @@ inline void check_alignment(const void* data, std::size_t size) {
   throw nb::python_error();
 }
 
-// Arrays of a shape, in C order, not copied. `T` is const where the core only reads.
-template <class T, std::size_t N>
-using Array = nb::ndarray<T, nb::ndim<N>, nb::c_contig, nb::device::cpu>;
-
 using Floats2 = Array<const float, 2>;
 using Doubles2 = Array<const double, 2>;
-using Whole2 = Array<const std::int64_t, 2>;
+using Place = std::array<double, 2>;  // x, y [m]
 using Bytes2 = Array<const std::uint8_t, 2>;
-using Slots = Array<const std::int64_t, 1>;
-using States = Array<double, 2>;
+using Triangles = Rows<const std::array<std::int64_t, 3>>;
 
 // Refuses a table that has not the shape (rows, columns).
-template <class T>
-void check_table(const Array<T, 2>& table, std::size_t rows, std::size_t columns, const char* name) {
-  check_alignment(table.data(), sizeof(T));
+template <class Table>
+void check_shape(const Table& table, std::size_t rows, std::size_t columns, const char* name) {
   if (table.shape(0) != rows || table.shape(1) != columns)
     throw std::invalid_argument(std::string(name) + " must have the shape (" + std::to_string(rows) + ", " +
                                 std::to_string(columns) + ")");
-}
-
-// Refuses a list that has not `count` items.
-template <class T>
-void check_list(const Array<T, 1>& list, std::size_t count, const char* name) {
-  check_alignment(list.data(), sizeof(T));
-  if (list.shape(0) != count)
-    throw std::invalid_argument(std::string(name) + " must have the shape (" + std::to_string(count) + ",)");
-}
-
-// Returns the rows of a table as records; refuses a table whose rows are none.
-template <class Record, class T>
-auto* records_of(const Array<T, 2>& table, const char* name) {
-  check_table(table, table.shape(0), sizeof(Record) / sizeof(T), name);
-  check_alignment(table.data(), alignof(Record));
-  return reinterpret_cast<std::conditional_t<std::is_const_v<T>, const Record, Record>*>(table.data());
-}
-
-// Returns the rows of a table that was checked, as records.
-template <class Record>
-const Record* rows_of(const Doubles2& table) {
-  return reinterpret_cast<const Record*>(table.data());
-}
-template <class Record>
-Record* rows_of(const States& table) {
-  return reinterpret_cast<Record*>(table.data());
 }
 
 inline double finite(double value, const char* name) {
@@ -153,7 +108,7 @@ struct Grid {
     if (number < 0 || number >= LAYERS) throw std::invalid_argument("the layer must be one of Layer");
     if (uniform < 0.0) throw std::invalid_argument("the number of a layer is zero or more");
     if (samples)
-      check_table(*samples, static_cast<std::size_t>(grid.rows), static_cast<std::size_t>(grid.columns), "a layer");
+      check_shape(*samples, static_cast<std::size_t>(grid.rows), static_cast<std::size_t>(grid.columns), "a layer");
     const StepLock lock;
     std::swap(layers[number], samples);  // the one before goes after the lock
     grid.materials.layers[number] = {layers[number] ? layers[number]->data() : nullptr, uniform};
@@ -169,28 +124,29 @@ struct Grid {
 
 // A triangle mesh, whose memory Python sees. Python's triangles stay alive with it.
 struct Mesh {
-  Whole2 triangles;
+  Triangles triangles;
   MeshSurface surface;
 
-  Mesh(Doubles2 vertices_3v, Whole2 triangles_t3)
+  Mesh(Doubles2 vertices_3v, Triangles triangles_t3)
       : triangles(checked(vertices_3v, triangles_t3)),
-        surface(vertices_3v.data(), static_cast<int>(vertices_3v.shape(1)), triangles.data(),
-                static_cast<int>(triangles.shape(0))) {}
+        surface(vertices_3v.data(), static_cast<int>(vertices_3v.shape(1)), triangles.numbers(),
+                static_cast<int>(triangles.size())) {}
 
-  static const Whole2& checked(const Doubles2& vertices, const Whole2& triangles) {
+  static const Triangles& checked(const Doubles2& vertices, const Triangles& triangles) {
     const std::size_t count = vertices.shape(1), most = 1u << 28;
     if (vertices.shape(0) != 3 || count < 3 || count > most)
       throw std::invalid_argument("vertices must have the shape (3, V), with 3 to 2^28 vertices");
-    if (triangles.shape(1) != 3 || triangles.shape(0) < 1 || triangles.shape(0) > most)
+    if (triangles.size() < 1 || triangles.size() > most)
       throw std::invalid_argument("triangles must have the shape (T, 3), with 1 to 2^28 triangles");
-    check_alignment(vertices.data(), sizeof(double)), check_alignment(triangles.data(), sizeof(std::int64_t));
     for (std::size_t k = 0; k < vertices.size(); ++k) finite(vertices.data()[k], "vertices");
-    for (std::size_t k = 0; k < triangles.size(); ++k)
-      if (triangles.data()[k] < 0 || triangles.data()[k] >= static_cast<std::int64_t>(count))
-        throw std::invalid_argument("a triangle uses vertex " + std::to_string(triangles.data()[k]) + "; there are " +
-                                    std::to_string(count) + ", counted from 0");
+    for (const auto& corners : triangles)
+      for (const std::int64_t corner : corners)
+        if (corner < 0 || corner >= static_cast<std::int64_t>(count))
+          throw std::invalid_argument("a triangle uses vertex " + std::to_string(corner) + "; there are " +
+                                      std::to_string(count) + ", counted from 0");
     return triangles;
   }
+
   void set_motion(int mode, double max_velocity, double smoothing) {
     const StepLock lock;
     surface.mode = mode_of(mode), surface.max_velocity = max_velocity, surface.smoothing = smoothing;
@@ -204,34 +160,24 @@ struct DeckOfTiles {
   nb::list tiles;
 };
 
-// Grids, meshes and decks of a list of Python's, and a copy of the list, which Python may change: it must outlive them.
-struct Parts {
+// Sets the tiles of a terrain. Returns what must outlive them: a copy of the list, which Python may change.
+inline nb::list set_tiles_of(Tiles& terrain, const nb::list& tiles) {
   std::vector<HeightGrid*> grids;
   std::vector<MeshSurface*> meshes;
-  std::vector<DeckOfTiles*> decks;
-  nb::list kept;
-
-  explicit Parts(const nb::list& parts) {
-    for (nb::handle part : parts) {
-      if (nb::isinstance<Mesh>(part))
-        meshes.push_back(&nb::cast<Mesh&>(part).surface);
-      else if (nb::isinstance<DeckOfTiles>(part))
-        decks.push_back(&nb::cast<DeckOfTiles&>(part));
-      else
-        grids.push_back(&nb::cast<Grid&>(part).grid);
-      kept.append(part);
-    }
-  }
-};
-
-// Sets the tiles of a terrain. Returns what must outlive them.
-inline nb::list set_tiles_of(Tiles& terrain, const nb::list& tiles) {
-  const Parts parts(tiles);
   std::vector<Deck*> decks;
-  for (DeckOfTiles* deck : parts.decks) decks.push_back(&deck->deck);
+  nb::list kept;
+  for (nb::handle tile : tiles) {
+    if (nb::isinstance<Mesh>(tile))
+      meshes.push_back(&nb::cast<Mesh&>(tile).surface);
+    else if (nb::isinstance<DeckOfTiles>(tile))
+      decks.push_back(&nb::cast<DeckOfTiles&>(tile).deck);
+    else
+      grids.push_back(&nb::cast<Grid&>(tile).grid);
+    kept.append(tile);
+  }
   const StepLock lock;
-  terrain.set_all(parts.grids, parts.meshes, decks);
-  return parts.kept;
+  terrain.set_all(grids, meshes, decks);
+  return kept;
 }
 
 // The tiles of a terrain of Python, which `kept` keeps alive.
@@ -239,7 +185,14 @@ struct KeptTiles {
   Tiles tiles;
   nb::list kept;
 
+  explicit KeptTiles(const nb::list& parts) { set(parts); }
   void set(const nb::list& parts) { kept = set_tiles_of(tiles, parts); }
+  // Returns a reader at `time` [s] for `count` points.
+  GroundReader reader(double time, std::size_t count) const {
+    GroundReader made = tiles.reader(finite(time, "the time"), INSTANT);
+    made.prepare(count);
+    return made;
+  }
 };
 
 // Each adds what its room needs.

@@ -5,7 +5,7 @@
 
 #include "bullet/shape_parts.h"
 #include "bullet/world.h"
-#include "python/tables.h"
+#include "python/bindings.h"
 #include "shape/body_shape.h"
 #include "shape/lower_surface.h"
 #include "step/step_lock.h"
@@ -34,17 +34,9 @@ std::map<int, BodyShape> shapes_of(int number, int body) {
   return link_shapes(world->now.world, body);
 }
 
-std::vector<Vec3> points_of(const Doubles2& points) {
-  const Vec3* first = records_of<Vec3>(points, "points");
-  if (points.shape(0) == 0) throw std::invalid_argument("a hull has at least one point");
-  return {first, first + points.shape(0)};
-}
-
-BodyShape compound(const std::vector<BodyShape>& shapes) {
-  std::vector<ShapePart> parts;
-  for (const BodyShape& shape : shapes) parts.insert(parts.end(), shape.parts.begin(), shape.parts.end());
-  if (parts.empty()) throw std::invalid_argument("a compound has at least one part");
-  return BodyShape(parts);
+std::vector<Vec3> points_of(const Rows<const Vec3>& points) {
+  if (points.size() == 0) throw std::invalid_argument("a hull has at least one point");
+  return {points.begin(), points.end()};
 }
 
 std::vector<BodyShape> parts_of(const BodyShape& shape) {
@@ -53,50 +45,42 @@ std::vector<BodyShape> parts_of(const BodyShape& shape) {
   return found;
 }
 
-NewTable vertices_of(const BodyShape& shape) {
-  const std::vector<Vec3> none, &vertices = shape.parts.size() == 1 ? shape.parts[0].vertices : none;
-  NewTable found = new_array<double, 2>({vertices.size(), 3});
-  std::copy(vertices.begin(), vertices.end(), reinterpret_cast<Vec3*>(found.data()));
-  return found;
+auto vertices_of(const BodyShape& shape) {
+  return array_of(shape.parts.size() == 1 ? shape.parts[0].vertices : std::vector<Vec3>());
 }
 
 // Returns how far points (n, 3) are outside the hull of the points `kept` (k, 3) [m], zero for those inside.
-auto distances_outside(const Doubles2& kept, const Doubles2& points) {
+auto distances_outside(const Rows<const Vec3>& kept, const Rows<const Vec3>& points) {
   const Convex of = hull(points_of(kept), 0.0);
   std::vector<double> found;
   for (const Vec3& point : points_of(points)) found.push_back(distance_outside(of.core, point));
-  return array_of<double, 1>(found, {found.size()});
+  return array_of(std::move(found));
 }
 
-const BodyPose* poses_of(const LowerSurface& surface, const Doubles2& poses) {
-  if (poses.shape(0) != surface.size()) throw std::invalid_argument("each shape needs a pose");
-  return records_of<BodyPose>(poses, "poses");
+using Poses = Rows<const BodyPose>;
+
+const BodyPose* poses_of(const LowerSurface& surface, const Poses& poses) {
+  check_counts(surface.size(), poses);
+  return poses.data();
 }
 
 // Returns the lowest and the highest corner (2, 3) of the box around the parts [m].
-NewTable bounds_at(const LowerSurface& surface, const Doubles2& poses) {
+auto bounds_at(const LowerSurface& surface, const Poses& poses) {
   const Bounds bounds = surface.bounds(poses_of(surface, poses));
-  return array_of<double, 2>({bounds.low.x, bounds.low.y, bounds.low.z, bounds.high.x, bounds.high.y, bounds.high.z},
-                             {2, 3});
+  return array_of(std::vector<Vec3>{bounds.low, bounds.high});
 }
 
 // Returns the lowest points (n * parts, 3) [m] along unit vectors (n, 3).
-NewTable lowest_points(const LowerSurface& surface, const Doubles2& poses, const Doubles2& up) {
+auto lowest_points(const LowerSurface& surface, const Poses& poses, const Rows<const Vec3>& up) {
   const BodyPose* placed = poses_of(surface, poses);
-  const Vec3* first = records_of<Vec3>(up, "up");
   std::vector<Vec3> points;
-  for (std::size_t k = 0; k < up.shape(0); ++k) surface.add_lowest(placed, first[k], points);
-  return table_of(points);
+  for (const Vec3& way : up) surface.add_lowest(placed, way, points);
+  return array_of(std::move(points));
 }
 
 // Returns the heights (n,) of the lower surface at points (n, 2) [m], NaN beside it.
-auto lower_heights(const LowerSurface& surface, const Doubles2& poses, const Doubles2& points) {
-  const BodyPose* placed = poses_of(surface, poses);
-  const std::size_t count = points.shape(0);
-  check_table(points, count, 2, "points");
-  auto found = new_array<double, 1>({count});
-  surface.find(placed, points.data(), count, found.data());
-  return found;
+auto lower_heights(const LowerSurface& surface, const Poses& poses, const Rows<const Place>& points) {
+  return array_of(surface.find(poses_of(surface, poses), points.numbers(), points.size()));
 }
 
 }  // namespace
@@ -127,9 +111,10 @@ void add_bodies(nb::module_& m) {
           "edges"_a, "offset"_a = CENTRE, "orientation"_a = UNROTATED)
       .def_static(
           "hull",
-          [](const Doubles2& points, double rounding) { return BodyShape({hull_part(points_of(points), rounding)}); },
-          "points"_a.noconvert(), "rounding"_a = 0.0)
-      .def_static("compound", &compound, "shapes"_a)
+          [](const Rows<const Vec3>& points, double rounding) {
+            return BodyShape({hull_part(points_of(points), rounding)});
+          },
+          "points"_a, "rounding"_a = 0.0)
       .def_prop_ro("kind", [](const BodyShape& s) { return static_cast<int>(s.outline.kind); })
       .def_prop_ro("half", [](const BodyShape& s) { return numbers_of(s.outline.half); })
       .def_prop_ro("rounding", [](const BodyShape& s) { return s.outline.rounding; })
@@ -144,11 +129,11 @@ void add_bodies(nb::module_& m) {
       .def_prop_ro("vertices", &vertices_of, nb::rv_policy::automatic);  // a new array is no part of the shape
   nb::class_<LowerSurface>(m, "LowerSurface")
       .def(nb::init<const std::vector<BodyShape>&>(), "shapes"_a)
-      .def("bounds", &bounds_at, "poses"_a.noconvert())
-      .def("lowest", &lowest_points, "poses"_a.noconvert(), "up"_a.noconvert())
-      .def("heights", &lower_heights, "poses"_a.noconvert(), "points"_a.noconvert());
+      .def("bounds", &bounds_at, "poses"_a)
+      .def("lowest", &lowest_points, "poses"_a, "up"_a)
+      .def("heights", &lower_heights, "poses"_a, "points"_a);
   m.def("shapes_of", &shapes_of, "number"_a, "body"_a);
-  m.def("distances_outside", &distances_outside, "kept"_a.noconvert(), "points"_a.noconvert());
+  m.def("distances_outside", &distances_outside, "kept"_a, "points"_a);
 }
 
 }  // namespace smartmesh

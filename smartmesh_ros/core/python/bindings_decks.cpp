@@ -1,29 +1,29 @@
 // What Python sees of terrains and their decks.
-#include "python/tables.h"
+#include "python/bindings.h"
+#include "shape/solid.h"
 
 namespace smartmesh {
 namespace {
 
-// Returns a sample of a pose (7,): position [m] and orientation (x, y, z, w), and of a velocity (6,): linear [m/s] and
-// angular [rad/s], none = not told.
-FrameSample sample_of(double time, const Doubles1& pose, const std::optional<Doubles1>& velocity) {
-  check_list(pose, 7, "a pose");
-  FrameSample sample{finite(time, "the time"), vector_at(pose.data()), {}, {}};
-  const double* q = pose.data() + 3;
-  sample.orientation = {q[0], q[1], q[2], q[3]};
+using PoseNumbers = One<BodyPose, 7>;
+using VelocityNumbers = One<FrameVelocity, 6>;
+constexpr std::size_t MEMORY = sizeof(FrameMemory) / sizeof(double);
+
+// Returns a sample of a pose: position [m] and orientation (x, y, z, w), and of a velocity: linear [m/s] and angular
+// [rad/s], none = not told.
+FrameSample sample_of(double time, const PoseNumbers& pose, const std::optional<VelocityNumbers>& velocity) {
+  FrameSample sample{finite(time, "the time"), pose->at, pose->orientation};
   const double size = dot(sample.orientation, sample.orientation);
   finite(norm2(sample.at), "a position");
   if (!(size > 0.5 && size < 2.0)) throw std::invalid_argument("an orientation must be a unit quaternion (x, y, z, w)");
-  if (!velocity) return sample;
-  check_list(*velocity, 6, "a velocity");
-  sample.velocity = FrameVelocity{vector_at(velocity->data()), vector_at(velocity->data() + 3)};
-  finite(norm2(sample.velocity->linear) + norm2(sample.velocity->angular), "a velocity");
+  if (velocity) sample.is_told = 1.0, sample.velocity = **velocity;
+  finite(norm2(sample.velocity.linear) + norm2(sample.velocity.angular), "a velocity");
   return sample;
 }
 
 // Tells the motion of a deck's frame a sample.
 template <void (FrameMotion::*Way)(const FrameSample&)>
-void tell(DeckOfTiles& deck, double time, Doubles1 pose, std::optional<Doubles1> velocity) {
+void tell(DeckOfTiles& deck, double time, PoseNumbers pose, std::optional<VelocityNumbers> velocity) {
   const FrameSample sample = sample_of(time, pose, velocity);
   const StepLock lock;
   (deck.deck.motion.*Way)(sample);
@@ -39,7 +39,9 @@ void set_tiles(DeckOfTiles& deck, const nb::list& tiles) {
 }  // namespace
 
 void add_decks(nb::module_& m) {
-  nb::class_<KeptTiles>(m, "Tiles").def(nb::init<>()).def("set_tiles", &KeptTiles::set, "tiles"_a);
+  nb::class_<KeptTiles>(m, "Tiles")
+      .def(nb::init<const nb::list&>(), "tiles"_a = nb::list())
+      .def("set_tiles", &KeptTiles::set, "tiles"_a);
   nb::class_<DeckOfTiles>(m, "Deck")
       .def(nb::init<>())
       .def("set_tiles", &set_tiles, "tiles"_a)
@@ -50,32 +52,29 @@ void add_decks(nb::module_& m) {
             const StepLock lock;
             d.deck.thickness = thickness;
           })
-      .def("move", &tell<&FrameMotion::note>, "time"_a, "pose"_a.noconvert(), "velocity"_a.noconvert().none())
-      .def("put", &tell<&FrameMotion::put>, "time"_a, "pose"_a.noconvert(), "velocity"_a.noconvert().none())
+      .def("move", &tell<&FrameMotion::note>, "time"_a, "pose"_a, "velocity"_a)
+      .def("put", &tell<&FrameMotion::put>, "time"_a, "pose"_a, "velocity"_a)
       .def(
           "carry",
-          [](DeckOfTiles& d, int body, int link, Doubles1 place) {
+          [](DeckOfTiles& d, int body, int link, PoseNumbers place) {
             const FrameSample sample = sample_of(0.0, place, {});
             const StepLock lock;
             if (body < 0 && d.deck.body >= 0) d.deck.motion.stop(d.deck.motion.time());
             d.deck.body = body, d.deck.link = link, d.deck.place = sample;
           },
-          "body"_a, "link"_a, "place"_a.noconvert())
+          "body"_a, "link"_a, "place"_a)
       .def("memory",
            [](const DeckOfTiles& d) {
-             auto found = new_array<double, 1>({sizeof(FrameMemory) / sizeof(double)});
-             *reinterpret_cast<FrameMemory*>(found.data()) = d.deck.motion.memory();
-             return found;
+             const auto* numbers = reinterpret_cast<const double*>(&d.deck.motion.memory());
+             return array_of(std::vector<double>(numbers, numbers + MEMORY));
            })
       .def(
           "recall",
-          [](DeckOfTiles& d, Doubles1 memory) {
-            check_list(memory, sizeof(FrameMemory) / sizeof(double), "the memory");
+          [](DeckOfTiles& d, One<FrameMemory, MEMORY> memory) {
             const StepLock lock;
-            if (!d.deck.motion.recall(*reinterpret_cast<const FrameMemory*>(memory.data())))
-              throw std::invalid_argument("the memory is none of a frame");
+            if (!d.deck.motion.recall(*memory)) throw std::invalid_argument("the memory is none of a frame");
           },
-          "memory"_a.noconvert())
+          "memory"_a)
       .def(
           "shift_time",
           [](DeckOfTiles& d, double by) {
@@ -85,16 +84,14 @@ void add_decks(nb::module_& m) {
           "by"_a)
       .def(
           "moves", [](const DeckOfTiles& d, double time) { return d.deck.motion.moves(time); }, "time"_a)
-      // Returns position [m], rotation by rows, linear [m/s] and angular velocity [rad/s] of the frame (18,).
+      // Returns position [m], rotation by rows, linear [m/s] and angular velocity [rad/s] of the frame (6, 3).
       .def(
           "frame",
           [](const DeckOfTiles& d, double time) {
             const FrameState f = d.deck.motion.at(finite(time, "the time"));
-            std::vector<double> found;
-            for (const Vec3& v : {f.pose.at, f.pose.rotation.row[0], f.pose.rotation.row[1], f.pose.rotation.row[2],
-                                  f.velocity.linear, f.velocity.angular})
-              found.insert(found.end(), {v.x, v.y, v.z});
-            return array_of<double, 1>(found, {18});
+            const auto& row = f.pose.rotation.row;
+            return array_of(
+                std::vector<Vec3>{f.pose.at, row[0], row[1], row[2], f.velocity.linear, f.velocity.angular});
           },
           "time"_a);
 }

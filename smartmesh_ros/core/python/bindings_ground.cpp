@@ -10,7 +10,6 @@
 #include "bullet/moved_bodies.h"
 #include "bullet/world.h"
 #include "python/soil_binding.h"
-#include "python/tables.h"
 #include "step/step_lock.h"
 
 namespace smartmesh {
@@ -93,12 +92,12 @@ struct Ground {
   }
   // Returns sinkage [m], area [m^2] and carried force [N] of each part of the body in a slot that touches the soil.
   auto on_soil(int slot) {
-    std::vector<double> sums;
+    std::vector<std::array<double, 3>> sums;
     if (const HeldWorld found = world(); found->attached.has(slot) && found->now.soil != nullptr) {
       for (const auto& [number, part] : found->attached.slots[slot].on_soil)
-        if (part.sums.area > 0.0) sums.insert(sums.end(), {part.sums.sinkage, part.sums.area, part.sums.carried});
+        if (part.sums.area > 0.0) sums.push_back({part.sums.sinkage, part.sums.area, part.sums.carried});
     }
-    return array_of<double, 2>(sums, {sums.size() / 3, 3});
+    return array_of(std::move(sums));
   }
   void attach(int slot, int body, int link, int proxy, const BodyShape& shape) {
     if (slot < 0 || slot > MOST_SLOTS) throw std::invalid_argument("a slot is a number from 0 to 2^24");
@@ -173,26 +172,24 @@ struct Ground {
     std::vector<std::vector<double>> parts;
     {
       const HeldWorld held = world();
-      for (std::size_t k = 0; k < slots.shape(0); ++k) {
-        const Slot& slot = slot_in(held, slots.data()[k]);
-        rows.push_back(memory_of(slot)), parts.push_back(parts_memory(slot, held->now.soil));
+      for (const std::int64_t k : slots) {
+        const Slot& slot = slot_in(held, k);
+        rows.push_back(slot), parts.push_back(parts_memory(slot, held->now.soil));
       }
     }
     nb::list of_parts;
-    for (const std::vector<double>& each : parts) of_parts.append(array_of<double, 1>(each, {each.size()}));
-    return nb::make_tuple(table_of(rows), of_parts);
+    for (std::vector<double>& each : parts) of_parts.append(array_of(std::move(each)));
+    return nb::make_tuple(array_of(std::move(rows)), of_parts);
   }
-  void recall(Slots slots, Doubles2 memory, const std::vector<Doubles1>& parts) {
-    const auto* rows = records_of<const SlotMemory>(memory, "the memory");
-    check_table(memory, slots.shape(0), sizeof(SlotMemory) / sizeof(double), "the memory");
-    if (parts.size() != slots.shape(0)) throw std::invalid_argument("each slot has a list of its parts");
-    for (const Doubles1& each : parts) check_alignment(each.data(), sizeof(double));
+  void recall(Slots slots, Rows<const SlotMemory> memory, const std::vector<Doubles1>& parts) {
+    check_counts(slots.size(), memory);
+    if (parts.size() != slots.size()) throw std::invalid_argument("each slot has a list of its parts");
     const HeldWorld held = world();
     held->attached.find_objects();
-    for (std::size_t k = 0; k < slots.shape(0); ++k) {
-      Slot& slot = slot_in(held, slots.data()[k]);
-      smartmesh::recall(slot, rows[k]);
-      if (!recall_parts(slot, held->now.soil, parts[k].data(), parts[k].shape(0)))
+    for (std::size_t k = 0; k < slots.size(); ++k) {
+      Slot& slot = slot_in(held, slots[k]);
+      static_cast<SlotMemory&>(slot) = memory[k];
+      if (!recall_parts(slot, held->now.soil, parts[k].data(), parts[k].size()))
         throw std::invalid_argument("the parts on the soil are those of another body");
     }
     held->sleep.take_gravity();
@@ -206,16 +203,16 @@ struct Ground {
   }
   // Returns the states (n, 13) of the bodies in `slots` (n,); NaN in slots that nobody has, and for bodies that are
   // gone.
-  NewTable read(Slots slots) {
-    check_alignment(slots.data(), sizeof(std::int64_t));
-    NewTable states = new_array<double, 2>({slots.shape(0), BODY_COLUMNS});
-    std::fill_n(states.data(), states.size(), NONE);
-    const HeldWorld found = world();
-    found->attached.find_objects();
-    for (std::size_t k = 0; k < slots.shape(0); ++k)
-      if (found->attached.has(slots.data()[k]))
-        found->attached.slots[slots.data()[k]].read(reinterpret_cast<BodyState*>(states.data())[k]);
-    return states;
+  auto read(Slots slots) {
+    std::vector<BodyState> states(slots.size());
+    std::fill_n(reinterpret_cast<double*>(states.data()), BODY_COLUMNS * states.size(), NONE);
+    {
+      const HeldWorld found = world();
+      found->attached.find_objects();
+      for (std::size_t k = 0; k < slots.size(); ++k)
+        if (found->attached.has(slots[k])) found->attached.slots[slots[k]].read(states[k]);
+    }
+    return array_of(std::move(states));
   }
   // Returns the attached bodies by slot, (S, 10).
   std::vector<AttachedRow> bodies() const {
@@ -264,8 +261,9 @@ void add_ground(nb::module_& m) {
       .def("update", [](const Ground& g) { g.world()->update(); })
       .def_prop_ro("rescues", [](const Ground& g) { return g.world()->rescues; })
       .def("check_falls", &Ground::check_falls, "time"_a, "depth"_a)
-      .def("find_falling",
-           [](const Ground& g) { return g.world()->attached.where([](const Slot& slot) { return slot.falls; }); })
+      .def(
+          "find_falling",
+          [](const Ground& g) { return g.world()->attached.where([](const Slot& slot) { return slot.falls != 0.0; }); })
       .def("last_ground", &Ground::last_ground, "slot"_a)
       .def("find_below",
            [](const Ground& g) {
@@ -278,13 +276,13 @@ void add_ground(nb::module_& m) {
       .def("is_asleep", &Ground::is_asleep, "slot"_a)
       .def("find_asleep", [](const Ground& g) { return g.world()->attached.list_asleep(); })
       .def("drive", &Ground::drive, "slot"_a, "axis"_a, "speed"_a)
-      .def("memory", &Ground::memory, "slots"_a.noconvert())
-      .def("recall", &Ground::recall, "slots"_a.noconvert(), "memory"_a.noconvert(), "parts"_a.noconvert())
+      .def("memory", &Ground::memory, "slots"_a)
+      .def("recall", &Ground::recall, "slots"_a, "memory"_a, "parts"_a)
       .def("forget", [](const Ground& g) { g.world()->forget(); })
       .def("keep_apart", &Ground::keep_apart, "body"_a)
       .def("deepest_contact", &Ground::deepest_contact, "slot"_a)
-      .def("bodies", [](const Ground& g) { return table_of(g.bodies()); })
-      .def("read", &Ground::read, "slots"_a.noconvert());
+      .def("bodies", [](const Ground& g) { return array_of(g.bodies()); })
+      .def("read", &Ground::read, "slots"_a);
   add_number<&Instant::time>(ground, "time");
   add_number<&Instant::duration>(ground, "duration");
   add_number<&Instant::margin>(ground, "margin");

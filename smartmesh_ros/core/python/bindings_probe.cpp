@@ -1,7 +1,7 @@
 // What Python sees of what the core reads in Bullet's memory, by the number of a client.
 #include "bullet/contact_points.h"
 #include "bullet/world.h"
-#include "python/tables.h"
+#include "python/bindings.h"
 
 namespace smartmesh {
 namespace {
@@ -19,15 +19,14 @@ auto settings(int client) {
   btDiscreteDynamicsWorld& world = world_at(client).now.world;
   const btContactSolverInfo& solver = world.getSolverInfo();
   const btVector3 g = world.getGravity();
-  return array_of<double, 1>({g.x(), g.y(), g.z(), world.getDispatchInfo().m_timeStep, solver.m_erp2,
-                              solver.m_frictionERP, solver.m_linearSlop},
-                             {7});
+  return array_of(std::vector<double>{g.x(), g.y(), g.z(), world.getDispatchInfo().m_timeStep, solver.m_erp2,
+                                      solver.m_frictionERP, solver.m_linearSlop});
 }
 
 // Returns the point (3) [m], the normal impulse and the impulse of friction (3) [N s] of each contact of a slot in the
 // last step (n, 7).
 auto contacts(int client, int slot) {
-  std::vector<double> rows;
+  std::vector<std::array<double, 7>> rows;
   std::vector<OldContact> found;
   const StepLock lock;
   BulletWorld& world = world_at(client);
@@ -39,10 +38,9 @@ auto contacts(int client, int slot) {
     if (manifold.getBody0() != ground && manifold.getBody1() != ground) continue;
     read_contacts(manifold, found);
     for (const OldContact& c : found)
-      rows.insert(rows.end(),
-                  {c.point.x, c.point.y, c.point.z, c.normal_impulse, c.friction.x, c.friction.y, c.friction.z});
+      rows.push_back({c.point.x, c.point.y, c.point.z, c.normal_impulse, c.friction.x, c.friction.y, c.friction.z});
   }
-  return array_of<double, 2>(rows, {rows.size() / 7, 7});
+  return array_of(std::move(rows));
 }
 
 }  // namespace

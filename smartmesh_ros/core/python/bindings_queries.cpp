@@ -8,10 +8,9 @@
 namespace smartmesh {
 namespace {
 
-using Rows = Array<double, 1>;
-
 // Largest coordinate of a ray's origin or a scan, and the longest range of a ray [m], as in terrain/grid.py.
 constexpr double MOST = 1e9;
+constexpr Vec3 NOWHERE{NONE, NONE, NONE};
 
 void check_instant(double time, double ahead) {
   finite(time, "the time");
@@ -19,103 +18,74 @@ void check_instant(double time, double ahead) {
     throw std::invalid_argument("the time ahead must be above zero and finite");
 }
 
-// Takes some tiles, and returns a reader of them at `time` [s] for `count` points.
-GroundReader begin(KeptTiles& terrain, const nb::list& tiles, double time, std::size_t count) {
-  terrain.set(tiles);
-  GroundReader reader = terrain.tiles.reader(time, INSTANT);
-  reader.prepare(count);
-  return reader;
-}
-
-bool are_same(const nb::list& a, const nb::list& b) {
-  if (a.size() != b.size()) return false;
-  for (std::size_t k = 0; k < a.size(); ++k)
-    if (!a[k].is(b[k])) return false;
-  return true;
-}
-
-void write(double* at, const Vec3& v) { at[0] = v.x, at[1] = v.y, at[2] = v.z; }
-
-// Writes the heights [m] and vertical velocities [m/s] of the highest ground under points (N, 2) [m].
-void ground_heights(const nb::list& tiles, Doubles2 points, double time, Rows heights, Rows velocities) {
-  const std::size_t count = points.shape(0);
-  check_table(points, count, 2, "points"), check_list(heights, count, "heights"),
-      check_list(velocities, count, "velocities");
-  check_instant(time, INSTANT);
-  KeptTiles terrain;
-  GroundReader reader = begin(terrain, tiles, time, count);
-  for (std::size_t k = 0; k < count; ++k) {
-    const double x = points.data()[2 * k], y = points.data()[2 * k + 1];
+// Returns the heights [m] and vertical velocities [m/s] of the highest ground under points (N, 2) [m].
+auto ground_heights(const KeptTiles& tiles, Rows<const Place> points, double time) {
+  GroundReader reader = tiles.reader(time, points.size());
+  std::vector<double> heights(points.size()), velocities(points.size());
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    const auto& [x, y] = points[k];
     const GroundPoint ground = std::isfinite(x) && std::isfinite(y) ? reader.at(x, y) : GroundPoint{NONE, {}};
-    heights.data()[k] = ground.height, velocities.data()[k] = ground.velocity.z;
+    heights[k] = ground.height, velocities[k] = ground.velocity.z;
   }
+  return std::make_tuple(array_of(std::move(heights)), array_of(std::move(velocities)));
 }
 
-// Writes the ground below points (N, 3) [m]: heights, normals (N, 3), velocities (N, 3), ages and coefficients of
-// friction. Rows of points without ground stay as they are.
-void ground_samples(const nb::list& tiles, Doubles2 points, double time, Rows heights, States normals,
-                    States velocities, Rows ages, Rows friction) {
-  const std::size_t count = points.shape(0);
-  check_table(points, count, 3, "points"), check_list(heights, count, "heights"),
-      check_table(normals, count, 3, "normals");
-  check_table(velocities, count, 3, "velocities"), check_list(ages, count, "ages"),
-      check_list(friction, count, "friction");
-  check_instant(time, INSTANT);
-  KeptTiles terrain;
-  GroundReader reader = begin(terrain, tiles, time, count);
+// Returns the ground below points (N, 3) [m]: heights, normals (N, 3), velocities (N, 3), ages and coefficients of
+// friction; NaN = none.
+auto ground_samples(const KeptTiles& tiles, Rows<const Vec3> points, double time) {
+  GroundReader reader = tiles.reader(time, points.size());
+  const std::size_t count = points.size();
+  std::vector<double> heights(count), ages(count), friction(count);
+  std::vector<Vec3> normals(count), velocities(count);
   for (std::size_t k = 0; k < count; ++k) {
-    const double* p = points.data() + 3 * k;
-    if (!(std::isfinite(p[0]) && std::isfinite(p[1]))) continue;
-    const GroundSample ground = reader.below({p[0], p[1], p[2]});
-    if (std::isnan(ground.height)) continue;
-    heights.data()[k] = ground.height, ages.data()[k] = ground.age, friction.data()[k] = ground.friction;
-    write(normals.data() + 3 * k, ground.normal), write(velocities.data() + 3 * k, ground.velocity);
+    const Vec3& p = points[k];
+    GroundSample ground = std::isfinite(p.x) && std::isfinite(p.y) ? reader.below(p) : GroundSample{};
+    if (std::isnan(ground.height)) ground = {NONE, NOWHERE, NOWHERE, NONE, NONE};
+    heights[k] = ground.height, normals[k] = ground.normal, velocities[k] = ground.velocity;
+    ages[k] = ground.age, friction[k] = ground.friction;
   }
+  return std::make_tuple(array_of(std::move(heights)), array_of(std::move(normals)), array_of(std::move(velocities)),
+                         array_of(std::move(ages)), array_of(std::move(friction)));
 }
 
 // Writes the heights (n, k) [m] of the highest ground at a pattern of points (k, 2) [m] in the frame of each pose (n,
 // 3), at `time` [s]; see ground/height_scan.h.
-void scan_heights_at(const nb::list& tiles, Doubles2 poses, Doubles2 pattern, double time, States heights) {
-  const std::size_t count = poses.shape(0), points = pattern.shape(0);
-  check_table(poses, count, 3, "poses"), check_table(pattern, points, 2, "pattern");
-  check_table(heights, count, points, "heights");
-  check_instant(time, INSTANT);
-  for (std::size_t k = 0; k < pattern.size(); ++k)
-    if (!(std::abs(pattern.data()[k]) <= MOST))
+void scan_heights_at(const KeptTiles& tiles, Rows<const Vec3> poses, Rows<const Place> pattern, double time,
+                     Array<double, 2> heights) {
+  const std::size_t count = poses.size(), points = pattern.size();
+  check_shape(heights, count, points, "heights");
+  for (const auto& [x, y] : pattern)
+    if (!(std::abs(x) <= MOST && std::abs(y) <= MOST))
       throw std::invalid_argument("the pattern must be finite and at most 1e9");
-  KeptTiles terrain;
-  GroundReader ground = begin(terrain, tiles, time, count * points);
-  scan_heights(ground, poses.data(), count, pattern.data(), points, MOST, heights.data());
+  GroundReader ground = tiles.reader(time, count * points);
+  scan_heights(ground, poses.numbers(), count, pattern.numbers(), points, MOST, heights.data());
 }
 
-// Casts rays onto grids and meshes.
+// Casts rays onto the tiles of a terrain of Python.
 struct RayCaster {
-  KeptTiles terrain;
+  nb::object kept;
+  const Tiles& terrain;
   GroundRays rays;
 
-  RayCaster() = default;
+  explicit RayCaster(nb::object of) : kept(of), terrain(nb::cast<KeptTiles&>(of).tiles) {}
   RayCaster(const RayCaster&) = delete;
 
-  // Writes the distances (N,) [m], infinity = nothing, and the normals (N, 3) where rays meet the ground within `range`
-  // [m]. Normals of other rays stay as they are.
-  void cast(const nb::list& tiles, Doubles2 origins, Doubles2 directions, double range, double time, Rows distances,
-            States normals) {
-    const std::size_t count = origins.shape(0);
-    check_table(origins, count, 3, "origins"), check_table(directions, count, 3, "directions");
-    check_list(distances, count, "distances"), check_table(normals, count, 3, "normals");
-    check_instant(time, INSTANT);
+  // Returns the distances (N,) [m], infinity = nothing, and the normals (N, 3), NaN = nothing, where rays meet the
+  // ground within `range` [m].
+  auto cast(Rows<const Vec3> origins, Rows<const Vec3> directions, double range, double time) {
+    const std::size_t count = origins.size();
+    check_counts(count, directions);
     if (!(range > 0.0 && range <= MOST)) throw std::invalid_argument("the range must be above zero and at most 1e9 m");
-    for (std::size_t k = 0; k < count; ++k)
-      check_ray(vector_at(origins.data() + 3 * k), vector_at(directions.data() + 3 * k));
-    if (!are_same(terrain.kept, tiles)) terrain.set(tiles);
-    GroundReader ground = rays.begin(terrain.tiles, time);
+    for (std::size_t k = 0; k < count; ++k) check_ray(origins[k], directions[k]);
+    GroundReader ground = rays.begin(terrain, finite(time, "the time"));
     ground.prepare(count);
+    std::vector<double> distances;
+    std::vector<Vec3> normals;
     for (std::size_t k = 0; k < count; ++k) {
-      const RayHit hit =
-          rays.first_hit(ground, {vector_at(origins.data() + 3 * k), vector_at(directions.data() + 3 * k), range});
-      distances.data()[k] = hit.distance;
-      if (std::isfinite(hit.distance)) write(normals.data() + 3 * k, hit.normal);
+      const RayHit hit = rays.first_hit(ground, {origins[k], directions[k], range});
+      distances.push_back(hit.distance), normals.push_back(std::isfinite(hit.distance) ? hit.normal : NOWHERE);
     }
+    return std::make_tuple(array_of(std::move(distances)), array_of(std::move(normals)));
   }
 
   static void check_ray(const Vec3& from, const Vec3& way) {
@@ -125,26 +95,24 @@ struct RayCaster {
   }
 };
 
-// Writes the heights [m] and mean velocities [m/s] over the time `ahead` [s] of samples by their `indices` (n,) in the
+// Returns the heights [m] and mean velocities [m/s] over the time `ahead` [s] of samples by their `indices` (n,) in the
 // row-major map; NaN beyond it.
-void sample_grid(const Grid& grid, Slots indices, double time, double ahead, Rows heights, Rows velocities) {
-  const std::size_t count = indices.shape(0);
-  check_list(indices, count, "indices"), check_list(heights, count, "heights"),
-      check_list(velocities, count, "velocities");
+auto sample_grid(const Grid& grid, Slots indices, double time, double ahead) {
   check_instant(time, ahead);
   GridReader reader(grid.grid, time, ahead);
   const std::int64_t columns = grid.grid.columns, size = columns * grid.grid.rows;
-  for (std::size_t k = 0; k < count; ++k) {
-    const std::int64_t i = indices.data()[k];
+  std::vector<double> heights(indices.size()), velocities(indices.size());
+  for (std::size_t k = 0; k < indices.size(); ++k) {
+    const std::int64_t i = indices[k];
     const Sample sample = i >= 0 && i < size ? reader.read(static_cast<int>(i / columns), static_cast<int>(i % columns))
                                              : Sample{NONE, 0.0};
-    heights.data()[k] = sample.height, velocities.data()[k] = sample.rise / ahead;
+    heights[k] = sample.height, velocities[k] = sample.rise / ahead;
   }
+  return std::make_tuple(array_of(std::move(heights)), array_of(std::move(velocities)));
 }
 
 // Writes the heights (h, w) [m] of the window of samples that starts at a row and column; NaN beyond the edge.
-void grid_window(const Grid& grid, int row, int column, double time, States heights) {
-  check_table(heights, heights.shape(0), heights.shape(1), "heights");
+void grid_window(const Grid& grid, int row, int column, double time, Array<double, 2> heights) {
   check_instant(time, INSTANT);
   constexpr int most = 1 << 29;
   if (row < -most || row > most || column < -most || column > most || heights.shape(0) > most ||
@@ -163,43 +131,31 @@ auto grid_pose(const Grid& grid, double time) {
   return std::make_tuple(p.x, p.y, p.cos, p.sin, p.slide_x, p.slide_y, p.spin);
 }
 
-// Writes the positions (n, 3) [m] and mean velocities (n, 3) [m/s] over the time `ahead` [s] of vertices (n,).
-void sample_mesh(const Mesh& mesh, Slots indices, double time, double ahead, States positions, States velocities) {
-  const std::size_t count = indices.shape(0);
-  check_list(indices, count, "indices"), check_table(positions, count, 3, "positions");
-  check_table(velocities, count, 3, "velocities");
+// Returns the positions (n, 3) [m] and mean velocities (n, 3) [m/s] over the time `ahead` [s] of vertices (n,).
+auto sample_mesh(const Mesh& mesh, Slots indices, double time, double ahead) {
   check_instant(time, ahead);
-  for (std::size_t k = 0; k < count; ++k)
-    if (indices.data()[k] < 0 || indices.data()[k] >= mesh.surface.vertices)
-      throw std::invalid_argument("an index is not that of a vertex");
   const MeshReader reader(mesh.surface, time, ahead);
-  for (std::size_t k = 0; k < count; ++k) {
-    const Vertex vertex = reader.read(static_cast<int>(indices.data()[k]));
-    write(positions.data() + 3 * k, vertex.position);
-    write(velocities.data() + 3 * k,
-          {vertex.displacement.x / ahead, vertex.displacement.y / ahead, vertex.displacement.z / ahead});
+  std::vector<Vec3> positions, velocities;
+  for (const std::int64_t index : slots_below(indices, static_cast<std::size_t>(mesh.surface.vertices))) {
+    const auto [position, way] = reader.read(static_cast<int>(index));
+    positions.push_back(position), velocities.push_back({way.x / ahead, way.y / ahead, way.z / ahead});
   }
+  return std::make_tuple(array_of(std::move(positions)), array_of(std::move(velocities)));
 }
 
 }  // namespace
 
 void add_queries(nb::module_& m) {
-  m.def("ground_heights", &ground_heights, "tiles"_a, "points"_a.noconvert(), "time"_a, "heights"_a.noconvert(),
-        "velocities"_a.noconvert());
-  m.def("ground_samples", &ground_samples, "tiles"_a, "points"_a.noconvert(), "time"_a, "heights"_a.noconvert(),
-        "normals"_a.noconvert(), "velocities"_a.noconvert(), "ages"_a.noconvert(), "friction"_a.noconvert());
-  m.def("scan_heights", &scan_heights_at, "tiles"_a, "poses"_a.noconvert(), "pattern"_a.noconvert(), "time"_a,
-        "heights"_a.noconvert());
+  m.def("ground_heights", &ground_heights, "tiles"_a, "points"_a, "time"_a);
+  m.def("ground_samples", &ground_samples, "tiles"_a, "points"_a, "time"_a);
+  m.def("scan_heights", &scan_heights_at, "tiles"_a, "poses"_a, "pattern"_a, "time"_a, "heights"_a);
   nb::class_<RayCaster>(m, "RayCaster")
-      .def(nb::init<>())
-      .def("cast", &RayCaster::cast, "tiles"_a, "origins"_a.noconvert(), "directions"_a.noconvert(), "range"_a,
-           "time"_a, "distances"_a.noconvert(), "normals"_a.noconvert());
-  m.def("sample_grid", &sample_grid, "grid"_a, "indices"_a.noconvert(), "time"_a, "ahead"_a, "heights"_a.noconvert(),
-        "velocities"_a.noconvert());
-  m.def("grid_window", &grid_window, "grid"_a, "row"_a, "column"_a, "time"_a, "heights"_a.noconvert());
+      .def(nb::init<nb::object>(), "tiles"_a)
+      .def("cast", &RayCaster::cast, "origins"_a, "directions"_a, "range"_a, "time"_a);
+  m.def("sample_grid", &sample_grid, "grid"_a, "indices"_a, "time"_a, "ahead"_a);
+  m.def("grid_window", &grid_window, "grid"_a, "row"_a, "column"_a, "time"_a, "heights"_a);
   m.def("grid_pose", &grid_pose, "grid"_a, "time"_a);
-  m.def("sample_mesh", &sample_mesh, "mesh"_a, "indices"_a.noconvert(), "time"_a, "ahead"_a, "positions"_a.noconvert(),
-        "velocities"_a.noconvert());
+  m.def("sample_mesh", &sample_mesh, "mesh"_a, "indices"_a, "time"_a, "ahead"_a);
 }
 
 }  // namespace smartmesh

@@ -18,19 +18,17 @@ constexpr std::size_t MOST_SIDE = 1u << 24;
 constexpr std::int64_t MOST_POINTS = 1024;
 constexpr std::int64_t FARTHEST_SAMPLE = std::int64_t{1} << 52;
 
-// Returns the rectangle of a map whose first sample is given, for samples (h, w).
-Region place_of(const HeightGrid& map, const Pair& first, const Floats2& samples) {
+// Returns the rectangle of a map of some size whose first sample is given, for samples (h, w).
+Region place_of(std::int64_t rows, std::int64_t columns, const Pair& first, const Floats2& samples) {
   const auto [row, column] = first;
   const auto high = static_cast<std::int64_t>(samples.shape(0)), wide = static_cast<std::int64_t>(samples.shape(1));
-  if (row < 0 || column < 0 || high < 1 || wide < 1 || high > map.rows - row || wide > map.columns - column)
+  if (row < 0 || column < 0 || high < 1 || wide < 1 || high > rows - row || wide > columns - column)
     throw std::invalid_argument("a rectangle is empty or leaves the map");
-  check_alignment(samples.data(), sizeof(float));
   return {row, column, row + high, column + wide};
 }
 
 // Returns true if any sample is infinite; NaN is none.
 bool has_infinity(Floats2 samples) {
-  check_alignment(samples.data(), sizeof(float));
   const float* values = samples.data();
   const std::size_t count = samples.size();
   int found = 0;
@@ -42,8 +40,8 @@ bool has_infinity(Floats2 samples) {
 // `take_heights`. `intervals`: as in Intervals [s].
 void take_rectangle(Grid& grid, Pair first, Floats2 fresh, std::optional<Floats2> given, double time,
                     std::tuple<double, double> intervals) {
-  if (given) check_table(*given, fresh.shape(0), fresh.shape(1), "velocities");
-  const Region place = place_of(grid.grid, first, fresh);
+  if (given) check_shape(*given, fresh.shape(0), fresh.shape(1), "velocities");
+  const Region place = place_of(grid.grid.rows, grid.grid.columns, first, fresh);
   const StepLock lock;
   take_heights(grid.writable(place), place, {fresh.data(), given ? given->data() : nullptr, finite(time, "the time")},
                {std::get<0>(intervals), std::get<1>(intervals)});
@@ -51,7 +49,7 @@ void take_rectangle(Grid& grid, Pair first, Floats2 fresh, std::optional<Floats2
 
 // Writes a new estimate (h, w) to the rectangle whose first sample is `first`, as `take_corrected`.
 void correct(Grid& grid, Pair first, Floats2 known, double time) {
-  const Region place = place_of(grid.grid, first, known);
+  const Region place = place_of(grid.grid.rows, grid.grid.columns, first, known);
   if (!(grid.grid.settle > 0.0)) throw std::invalid_argument("settle must be above zero");
   const StepLock lock;
   take_corrected(grid.writable(place), place, known.data(), finite(time, "the time"));
@@ -61,24 +59,19 @@ void correct(Grid& grid, Pair first, Floats2 known, double time) {
 // or (1, 1) = the same for all.
 void fuse_at(Heights heights, Heights variances, Pair first, Floats2 measured, Floats2 noises, float grown,
              float gate_squared) {
-  const std::size_t high = measured.shape(0), wide = measured.shape(1);
-  const auto [row, column] = first;
+  const std::size_t wide = measured.shape(1), columns = heights.shape(1);
   const bool same = noises.size() == 1;
-  check_table(variances, heights.shape(0), heights.shape(1), "variances");
-  if (!same && (noises.shape(0) != high || noises.shape(1) != wide))
-    throw std::invalid_argument("noises must have the shape of the measured heights, or (1, 1)");
-  if (row < 0 || column < 0 || high > heights.shape(0) || wide > heights.shape(1) ||
-      static_cast<std::size_t>(row) > heights.shape(0) - high ||
-      static_cast<std::size_t>(column) > heights.shape(1) - wide)
-    throw std::invalid_argument("the measured heights leave the map");
-  check_alignment(heights.data(), sizeof(float));
-  check_alignment(measured.data(), sizeof(float)), check_alignment(noises.data(), sizeof(float));
+  check_shape(variances, heights.shape(0), columns, "variances");
+  if (!same) check_shape(noises, measured.shape(0), wide, "noises, which are not (1, 1),");
+  const Region place =
+      place_of(static_cast<std::int64_t>(heights.shape(0)), static_cast<std::int64_t>(columns), first, measured);
   const std::vector<float> all(same ? wide : 0, same ? noises.data()[0] : 0.0f);
   const StepLock lock;
-  for (std::size_t r = 0; r < high; ++r) {
-    const std::size_t at = (static_cast<std::size_t>(row) + r) * heights.shape(1) + static_cast<std::size_t>(column);
-    fuse(heights.data() + at, variances.data() + at, measured.data() + r * wide,
-         same ? all.data() : noises.data() + r * wide, wide, grown, gate_squared);
+  for (std::ptrdiff_t r = place.top; r < place.bottom; ++r) {
+    const std::size_t at = static_cast<std::size_t>(r) * columns + static_cast<std::size_t>(place.left);
+    const std::size_t from = static_cast<std::size_t>(r - place.top) * wide;
+    fuse(heights.data() + at, variances.data() + at, measured.data() + from, same ? all.data() : noises.data() + from,
+         wide, grown, gate_squared);
   }
 }
 
@@ -87,12 +80,8 @@ void fuse_at(Heights heights, Heights variances, Pair first, Floats2 measured, F
 void move_vertices(Mesh& mesh, std::optional<Slots> chosen, Doubles2 fresh, std::optional<Doubles2> given, double time,
                    std::tuple<double, double> intervals) {
   const std::size_t count = fresh.shape(1), vertices = static_cast<std::size_t>(mesh.surface.vertices);
-  check_table(fresh, 3, chosen ? chosen->size() : vertices, "positions");
-  if (given) check_table(*given, 3, count, "velocities");
-  if (chosen) check_list(*chosen, count, "chosen");
-  for (std::size_t k = 0; chosen && k < count; ++k)
-    if (chosen->data()[k] < 0 || chosen->data()[k] >= static_cast<std::int64_t>(vertices))
-      throw std::invalid_argument("a vertex is not there");
+  check_shape(fresh, 3, chosen ? slots_below(*chosen, vertices).size() : vertices, "positions");
+  if (given) check_shape(*given, 3, count, "velocities");
   for (std::size_t k = 0; k < fresh.size(); ++k) finite(fresh.data()[k], "positions");
   check_clock(mesh.surface.clock);
   const StepLock lock;
@@ -107,7 +96,6 @@ PlacedMap placed(const Floats2& heights, double z, const Pair& first) {
   const auto is_near = [](std::int64_t k) { return k >= -FARTHEST_SAMPLE && k <= FARTHEST_SAMPLE; };
   if (!is_near(row) || !is_near(column) || heights.shape(0) > MOST_SIDE || heights.shape(1) > MOST_SIDE)
     throw std::invalid_argument("a map is too large or too far away");
-  check_alignment(heights.data(), sizeof(float));
   return {
       heights.data(), static_cast<std::int64_t>(heights.shape(0)), static_cast<std::int64_t>(heights.shape(1)), z, row,
       column};
@@ -134,18 +122,15 @@ bool moved_as_one(const SampleLattice& lattice, Floats2 heights, double z, Pair 
 }  // namespace
 
 void add_updates(nb::module_& m) {
-  m.def("has_infinity", &has_infinity, "samples"_a.noconvert());
-  m.def("take_rectangle", &take_rectangle, "grid"_a, "first"_a, "fresh"_a.noconvert(), "given"_a.noconvert().none(),
-        "time"_a, "intervals"_a);
-  m.def("take_corrected", &correct, "grid"_a, "first"_a, "known"_a.noconvert(), "time"_a);
-  m.def("fuse", &fuse_at, "heights"_a.noconvert(), "variances"_a.noconvert(), "first"_a, "measured"_a.noconvert(),
-        "noises"_a.noconvert(), "grown"_a, "gate_squared"_a);
-  m.def("move_vertices", &move_vertices, "mesh"_a, "chosen"_a.noconvert().none(), "fresh"_a.noconvert(),
-        "given"_a.noconvert().none(), "time"_a, "intervals"_a);
+  m.def("has_infinity", &has_infinity, "samples"_a);
+  m.def("take_rectangle", &take_rectangle, "grid"_a, "first"_a, "fresh"_a, "given"_a, "time"_a, "intervals"_a);
+  m.def("take_corrected", &correct, "grid"_a, "first"_a, "known"_a, "time"_a);
+  m.def("fuse", &fuse_at, "heights"_a, "variances"_a, "first"_a, "measured"_a, "noises"_a, "grown"_a, "gate_squared"_a);
+  m.def("move_vertices", &move_vertices, "mesh"_a, "chosen"_a, "fresh"_a, "given"_a, "time"_a, "intervals"_a);
   nb::class_<SampleLattice>(m, "SampleLattice")
       .def("__init__", &make_lattice, "rows"_a, "columns"_a, "points"_a)
-      .def("compare", &compare_maps, "heights"_a.noconvert(), "z"_a, "first"_a, "least"_a)
-      .def("moved_as_one", &moved_as_one, "heights"_a.noconvert(), "z"_a, "first"_a, "least"_a)
+      .def("compare", &compare_maps, "heights"_a, "z"_a, "first"_a, "least"_a)
+      .def("moved_as_one", &moved_as_one, "heights"_a, "z"_a, "first"_a, "least"_a)
       .def("forget", &SampleLattice::forget);
 }
 

@@ -8,16 +8,6 @@ namespace smartmesh {
 
 namespace {
 
-// Returns the half extents of a part along the body's axes [m], or more.
-Vec3 half_extents(const Shape& shape) {
-  const Mat3 axes = axes_of(shape.orientation);
-  const auto extent = [&](double a, double b, double c) {
-    return std::abs(a) * shape.half.x + std::abs(b) * shape.half.y + std::abs(c) * shape.half.z + shape.rounding;
-  };
-  return {extent(axes.row[0].x, axes.row[1].x, axes.row[2].x), extent(axes.row[0].y, axes.row[1].y, axes.row[2].y),
-          extent(axes.row[0].z, axes.row[1].z, axes.row[2].z)};
-}
-
 double core_radius(ShapeKind kind, const Vec3& half) {
   return kind == ShapeKind::Cylinder ? std::hypot(half.x, half.z) : norm(half);
 }
@@ -26,8 +16,10 @@ double core_radius(ShapeKind kind, const Vec3& half) {
 Shape box_around(const std::vector<ShapePart>& parts, double radius) {
   Bounds bounds;
   for (const ShapePart& part : parts) {
-    const Vec3 half = half_extents(part.shape);
-    bounds.add(part.shape.offset - half), bounds.add(part.shape.offset + half);
+    Shape shape = part.shape;
+    if (shape.kind == ShapeKind::Cylinder) shape.kind = ShapeKind::Box;  // which holds it
+    const Vec3 half = Solid(shape, {}).half_extents();
+    bounds.add(shape.offset - half), bounds.add(shape.offset + half);
   }
   Shape box;
   box.kind = ShapeKind::Compound;

@@ -32,6 +32,14 @@ struct LineInside {
     else if (start > 0.0)
       last = -INFINITE;
   }
+  // Clips by the faces of a core that are moved outwards, or by a cylinder, also that of a capsule.
+  void clip(const Convex& shape, double moved) {
+    for (const PolyFace& face : shape.core.faces) clip(face.normal, face.offset + moved);
+    if (shape.kind != ShapeKind::Cylinder && shape.kind != ShapeKind::Capsule) return;
+    clip({0.0, 0.0, 1.0}, shape.half.z), clip({0.0, 0.0, -1.0}, shape.half.z);
+    cut({}, shape.half.x + shape.rounding, true);
+  }
+
   // Cuts by a ball around `centre`; with `level` by the cylinder about z through it.
   void cut(const Vec3& centre, double radius, bool level) {
     Vec3 w = p - centre, v = u;
@@ -164,11 +172,7 @@ double lowest(const Convex& shape, const Vec3& n) {
 
 bool is_passed(const Convex& shape, const Vec3& p, const Vec3& q) {
   LineInside part{p, q - p, 0.0, 1.0};
-  for (const PolyFace& face : shape.core.faces) part.clip(face.normal, face.offset);
-  if (shape.kind == ShapeKind::Cylinder || shape.kind == ShapeKind::Capsule) {
-    part.clip({0.0, 0.0, 1.0}, shape.half.z), part.clip({0.0, 0.0, -1.0}, shape.half.z);
-    part.cut({}, shape.half.x + shape.rounding, true);
-  }
+  part.clip(shape, 0.0);
   return part.is_somewhere();
 }
 
@@ -180,11 +184,7 @@ double first_inside(const Convex& shape, const Vec3& p, const Vec3& u) {
   };
   if (!shape.core.faces.empty() || shape.kind == ShapeKind::Cylinder || shape.kind == ShapeKind::Capsule) {
     LineInside part = all;
-    for (const PolyFace& face : shape.core.faces) part.clip(face.normal, face.offset + shape.rounding);
-    if (shape.core.faces.empty()) {
-      part.clip({0.0, 0.0, 1.0}, shape.half.z), part.clip({0.0, 0.0, -1.0}, shape.half.z);
-      part.cut({}, shape.half.x + shape.rounding, true);
-    }
+    part.clip(shape, shape.rounding);
     join(part);
   }
   if (shape.core.faces.empty() && shape.rounding > 0.0) {  // the ends of balls and capsules

@@ -36,49 +36,41 @@ Convex convex_of(const ShapePart& part) {
   }
 }
 
-LowerSurface::LowerSurface(const std::vector<BodyShape>& shapes) {
-  for (const BodyShape& shape : shapes) {
-    std::vector<Part>& parts = links_.emplace_back();
-    for (const ShapePart& part : shape.parts) parts.push_back({convex_of(part), part.shape});
-  }
+LowerSurface::LowerSurface(const std::vector<BodyShape>& shapes) : links_(shapes.size()) {
+  for (std::size_t link = 0; link < links_; ++link)
+    for (const ShapePart& part : shapes[link].parts) parts_.push_back({convex_of(part), part.shape, link});
 }
 
 Bounds LowerSurface::bounds(const BodyPose* poses) const {
   Bounds found;
-  for (std::size_t link = 0; link < links_.size(); ++link) {
-    for (const Part& part : links_[link]) {
-      const Solid solid(part.placed, poses[link]);
-      const Vec3 half{solid.extent_along({1.0, 0.0, 0.0}), solid.extent_along({0.0, 1.0, 0.0}),
-                      solid.extent_along({0.0, 0.0, 1.0})};
-      found.add(solid.centre - half), found.add(solid.centre + half);
-    }
+  for (const Part& part : parts_) {
+    const Solid solid(part.placed, poses[part.link]);
+    const Vec3 half = solid.half_extents();
+    found.add(solid.centre - half), found.add(solid.centre + half);
   }
   return found;
 }
 
-void LowerSurface::find(const BodyPose* poses, const double* points, std::size_t count, double* heights) const {
-  std::fill(heights, heights + count, NONE);
-  for (std::size_t link = 0; link < links_.size(); ++link) {
-    for (const Part& part : links_[link]) {
-      const Solid solid(part.placed, poses[link]);
-      const double radius = part.placed.bounding_radius;
-      const Vec3 up = solid.axes * Vec3{0.0, 0.0, 1.0};
-      for (std::size_t k = 0; k < count; ++k) {
-        const Vec3 from = Vec3{points[2 * k], points[2 * k + 1], solid.centre.z} - solid.centre;
-        if (norm2(from) > radius * radius) continue;
-        const double along = first_inside(part.shape, solid.axes * from, up);
-        if (std::isfinite(along)) heights[k] = std::fmin(heights[k], solid.centre.z + along);
-      }
+std::vector<double> LowerSurface::find(const BodyPose* poses, const double* points, std::size_t count) const {
+  std::vector<double> heights(count, NONE);
+  for (const Part& part : parts_) {
+    const Solid solid(part.placed, poses[part.link]);
+    const double radius = part.placed.bounding_radius;
+    const Vec3 up = solid.axes * Vec3{0.0, 0.0, 1.0};
+    for (std::size_t k = 0; k < count; ++k) {
+      const Vec3 from = Vec3{points[2 * k], points[2 * k + 1], solid.centre.z} - solid.centre;
+      if (norm2(from) > radius * radius) continue;
+      const double along = first_inside(part.shape, solid.axes * from, up);
+      if (std::isfinite(along)) heights[k] = std::fmin(heights[k], solid.centre.z + along);
     }
   }
+  return heights;
 }
 
 void LowerSurface::add_lowest(const BodyPose* poses, const Vec3& up, std::vector<Vec3>& points) const {
-  for (std::size_t link = 0; link < links_.size(); ++link) {
-    for (const Part& part : links_[link]) {
-      const Solid solid(part.placed, poses[link]);
-      points.push_back(solid.centre + transpose(solid.axes) * lowest_point(part.shape, solid.axes * up));
-    }
+  for (const Part& part : parts_) {
+    const Solid solid(part.placed, poses[part.link]);
+    points.push_back(solid.centre + transpose(solid.axes) * lowest_point(part.shape, solid.axes * up));
   }
 }
 

@@ -16,11 +16,11 @@ class LowerSurface {
  public:
   // `shapes`: of the links, each about its centre of mass.
   explicit LowerSurface(const std::vector<BodyShape>& shapes);
-  std::size_t size() const { return links_.size(); }
+  std::size_t size() const { return links_; }
   // Returns a box around all parts with their links at some poses.
   Bounds bounds(const BodyPose* poses) const;
-  // Writes the heights of the lower surface at points (x, y) [m], NaN where a vertical line misses all parts.
-  void find(const BodyPose* poses, const double* points, std::size_t count, double* heights) const;
+  // Returns the heights of the lower surface at points (x, y) [m], NaN where a vertical line misses all parts.
+  std::vector<double> find(const BodyPose* poses, const double* points, std::size_t count) const;
   // Adds the lowest point of each part along a unit vector of the world.
   void add_lowest(const BodyPose* poses, const Vec3& up, std::vector<Vec3>& points) const;
 
@@ -28,8 +28,10 @@ class LowerSurface {
   struct Part {
     Convex shape;
     Shape placed;  // in the frame of its link
+    std::size_t link;
   };
-  std::vector<std::vector<Part>> links_;
+  std::size_t links_;
+  std::vector<Part> parts_;
 };
 
 }  // namespace smartmesh

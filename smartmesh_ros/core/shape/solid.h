@@ -35,6 +35,9 @@ struct Solid {
 
   // Returns the distance from the centre to the farthest point along a unit direction of the world; see Shape::extent.
   double extent_along(const Vec3& direction) const { return shape->extent(axes * direction); }
+  Vec3 half_extents() const {
+    return {extent_along({1.0, 0.0, 0.0}), extent_along({0.0, 1.0, 0.0}), extent_along({0.0, 0.0, 1.0})};
+  }
 };
 
 }  // namespace smartmesh

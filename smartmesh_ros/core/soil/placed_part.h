@@ -6,11 +6,11 @@
 
 namespace smartmesh {
 
-// `shape`: its underside with flat faces that go on beyond their edges; `exact`: as it is. `column`, `row`: fractional
+// `shape`: its underside with flat faces that go on beyond their edges. `column`, `row`: fractional
 // fine sample of its middle, at the height `z` without the map's. `lowest` [m]: of its points, from there.
 struct PlacedPart {
   GridPose pose;
-  Underside shape, exact;
+  Underside shape;
   double column, row, z, lowest;
 
   Vec3 to_world(const Vec3& v) const { return {pose.cos * v.x - pose.sin * v.y, pose.sin * v.x + pose.cos * v.y, v.z}; }
@@ -22,6 +22,6 @@ PlacedPart place_above(const SoilLattice& soil, const Solid& solid, double time)
 
 // Returns the samples within a distance of a part's middle along columns `x` and rows `y` [m]; none for a body that was
 // thrown to infinity.
-SampleRectangle samples_around(const SoilLattice& soil, const PlacedPart& placed, double x, double y);
+CellRange samples_around(const SoilLattice& soil, const PlacedPart& placed, double x, double y);
 
 }  // namespace smartmesh

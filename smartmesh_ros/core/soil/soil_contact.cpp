@@ -41,12 +41,12 @@ Vec3 on_surface(const Underside& shape, const Vec3& mean) {
 void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, double slip, double deepest,
                            const SoilStep& step) {
   under_.clear();
-  const SampleRectangle all = samples_around(soil, placed, half_extent(placed.shape, 0), half_extent(placed.shape, 1));
+  const CellRange all = samples_around(soil, placed, half_extent(placed.shape, 0), half_extent(placed.shape, 1));
   if (all.empty()) return;
   // Of round shapes, that part is enough which may be below the highest ground.
   const double below = soil.highest(all) + HIGHER + deepest - placed.z;
   const auto [x, y] = half_extents_below(placed.shape, below);
-  const SampleRectangle under = samples_around(soil, placed, x, y);
+  const CellRange under = samples_around(soil, placed, x, y);
   if (under.empty()) return;
   const double spacing = soil.spacing();
   const auto [top, left, bottom, right] = under;
@@ -57,14 +57,14 @@ void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, double s
     if (soil.sinks_by_slip) soils_.back().modulus *= std::pow(slip_sinkage(slip), -soils_.back().exponent);
   }
   const bool leaves_sunk = rolls(placed.shape.solid) && deepest > 0.0;
-  row_.x.resize(static_cast<std::size_t>(right - left + 1));
-  for (int c = left; c <= right; ++c) row_.x[c - left] = (c - placed.column) * spacing;
+  row_.x.resize(static_cast<std::size_t>(right - left));
+  for (int c = left; c < right; ++c) row_.x[c - left] = (c - placed.column) * spacing;
   const bool is_level = stands_level(placed.shape);  // then its upright faces do not lift it off samples on their edges
-  for (int r = top; r <= bottom; ++r) {
+  for (int r = top; r < bottom; ++r) {
     row_.y = (r - placed.row) * spacing;
     look_up(placed.shape, row_), look_up_exact(placed.shape, row_, exact_);
     cover(placed.shape, row_);
-    for (int c = left; c <= right; ++c) {
+    for (int c = left; c < right; ++c) {
       const int k = c - left;
       if (row_.low[k] == INFINITE) continue;
       const bool is_beside = exact_.low[k] == INFINITE || (is_level && exact_.low[k] > row_.low[k]);
@@ -137,15 +137,14 @@ double SoilUnderBody::sink(Span all, const Carried& carried, double speed_down, 
 }
 
 // A quarter of the contact: its samples, their `middle` from the middle of the part [m], in axes of the grid as all
-// here, the `share` of the load there, and how far they go `down` [m]. Sums over the samples: forces of their pressures
-// [N], and their places weighted with these, strength of the shear stresses [N], derivative of the force by the speed
-// [N s/m], and the deepest sinkage [m].
+// here, and the `share` of the load there. Sums over the samples: forces of their pressures [N], and their places
+// weighted with these, strength of the shear stresses [N], and derivative of the force by the speed [N s/m].
 struct SoilUnderBody::Quarter {
   Span under{nullptr, nullptr};
   Vec3 middle;
-  double share = 0.0, down = 0.0;
+  double share = 0.0;
   Vec3 force, place, normal;
-  double weight = 0.0, shear = 0.0, slope = 0.0, sunk = 0.0;
+  double weight = 0.0, shear = 0.0, slope = 0.0;
 };
 
 // Finds the quarters about the middle of the pressures, along a level axis of the shape and across it; false if there
@@ -190,7 +189,6 @@ void SoilUnderBody::sum(const PlacedPart& placed, const Solid& then, const Shear
     quarter.place = quarter.place + under.offset * force;
     quarter.weight += force;
     quarter.shear += area * shear_at(under.pressure, rim.at(then, placed.to_world(under.offset)), *under.soil);
-    quarter.sunk = std::max(quarter.sunk, under.sample->level - under.low + quarter.down);
   }
   quarter.normal = unit(quarter.force);
   for (const Under& under : quarter.under) {
@@ -205,11 +203,11 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
                                                            const SoilStep& step) {
   springs_.clear();
   const bool is_rolling = rolls(moving.solid);
-  MovingSolid then = moving;  // at the end of the step, but for its vertical motion
-  then.solid.centre = then.solid.centre + Vec3{moving.linear.x, moving.linear.y, 0.0} * step.dt;
+  Solid then = moving.solid;  // at the end of the step, but for its vertical motion
+  then.centre = then.centre + Vec3{moving.linear.x, moving.linear.y, 0.0} * step.dt;
   const Vec3 own = moving.solid.axes.row[2], spin = is_rolling ? own * dot(moving.angular, own) : Vec3{};
-  for (Vec3& axis : then.solid.axes.row) axis = unit(axis + cross(spin, axis) * step.dt);
-  const PlacedPart placed = place_above(soil, then.solid, step.time);
+  for (Vec3& axis : then.axes.row) axis = unit(axis + cross(spin, axis) * step.dt);
+  const PlacedPart placed = place_above(soil, then, step.time);
   const auto speed_down = [&](const Vec3& offset) {
     return -moving.linear.z - (is_rolling ? 0.0 : cross(moving.angular, placed.to_world(offset)).z);
   };
@@ -220,24 +218,21 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
   gather(soil, placed, rim.slip(), deepest, step);
   if (carried.is_set_down) damp_critically(carried.mass, step.dt);
   const Span all{under_.data(), under_.data() + under_.size()};
-  const double down = sink(all, carried, -moving.linear.z, step.dt);
+  const double of_all = sink(all, carried, -moving.linear.z, step.dt);
   Quarter quarters[4];
   if (!find_quarters(placed, quarters)) return springs_;
   for (Quarter& quarter : quarters) {
     const double share = std::max(quarter.share, LEAST_SHARE);
-    quarter.down = down;
-    if (!is_rolling)
-      quarter.down =
-          sink(quarter.under, {share * carried.mass, share * carried.load}, speed_down(quarter.middle), step.dt);
-    sum(placed, then.solid, rim, step.dt, quarter);
+    const Carried part{share * carried.mass, share * carried.load};
+    const double down = is_rolling ? of_all : sink(quarter.under, part, speed_down(quarter.middle), step.dt);
+    sum(placed, then, rim, step.dt, quarter);
     if (!(quarter.slope > 0.0)) continue;
     const Vec3 normal = placed.to_world(quarter.normal);
     const Vec3 offset = placed.to_world(on_surface(placed.shape, quarter.place * (1.0 / quarter.weight)));
     Vec3 velocity = moving.linear + cross(moving.angular, offset);
-    velocity.z += -quarter.down / step.dt + speed_down(quarter.middle);
+    velocity.z += -down / step.dt + speed_down(quarter.middle);
     const double force = norm(quarter.force), friction = std::min(quarter.shear / force, MOST_FRICTION);
-    springs_.push_back(
-        {moving.solid.centre + offset, normal, force, dot(normal, velocity), quarter.slope, friction, quarter.sunk});
+    springs_.push_back({moving.solid.centre + offset, normal, force, dot(normal, velocity), quarter.slope, friction});
   }
   return springs_;
 }

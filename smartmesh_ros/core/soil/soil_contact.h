@@ -28,10 +28,10 @@ struct Carried {
 
 // A spring between the soil and a body. `point` on the body [m]; `normal`: unit, into the body. Its force along the
 // normal is `force` [N] if the point moves at `speed` [m/s] along it, and falls by `slope` [N s/m] with a higher speed.
-// `friction`: the soil's shear strength over the force. `sunk` [m]: how deep the body is.
+// `friction`: the soil's shear strength over the force.
 struct SoilSpring {
   Vec3 point, normal;
-  double force, speed, slope, friction, sunk;
+  double force, speed, slope, friction;
 };
 
 // The soil under a part of a body: the deepest `sinkage` [m], `area` [m^2], and force that its pressures carry [N].
@@ -60,7 +60,7 @@ class SoilUnderBody {
     bool is_beside;
     Vec3 offset;
     double low, surface, area;
-    double pressure = 0.0, total = 0.0, stiffness = 0.0;  // as in SampleLoad
+    double pressure = 0.0, total = 0.0, stiffness = 0.0;
     int quarter = 0;
     Vec3 normal;  // of the underside, where the sample carries
 

@@ -75,16 +75,16 @@ double SoilLattice::level_at(int row, int column) const {
          part(v * (1.0 - u), mapped(r + 1, c)) + part(v * u, mapped(r + 1, c + 1));
 }
 
-SampleRectangle SoilLattice::mapped_around(const SampleRectangle& samples) const {
-  return {samples.top / refine_, samples.left / refine_, std::min(samples.bottom / refine_ + 1, map_.rows - 1),
-          std::min(samples.right / refine_ + 1, map_.columns - 1)};
+CellRange SoilLattice::mapped_around(const CellRange& samples) const {
+  return {samples.top / refine_, samples.left / refine_, std::min((samples.bottom - 1) / refine_ + 2, map_.rows),
+          std::min((samples.right - 1) / refine_ + 2, map_.columns)};
 }
 
-double SoilLattice::highest(const SampleRectangle& samples) const {
+double SoilLattice::highest(const CellRange& samples) const {
   const auto [top, left, bottom, right] = mapped_around(samples);
   double found = -1e300;
-  for (int r = top; r <= bottom; ++r)
-    for (int c = left; c <= right; ++c)
+  for (int r = top; r < bottom; ++r)
+    for (int c = left; c < right; ++c)
       if (mapped(r, c) > found) found = mapped(r, c);  // not NaN
   return found;
 }
@@ -104,10 +104,10 @@ bool SoilLattice::renew(int row, int column, std::int32_t last) {
   return sample.yield.plastic > 0.0;
 }
 
-void SoilLattice::renew(const SampleRectangle& samples, std::int32_t last) {
+void SoilLattice::renew(const CellRange& samples, std::int32_t last) {
   const auto [top, left, bottom, right] = mapped_around(samples);
-  for (int r = top; r <= bottom; ++r) {
-    for (int c = left; c <= right; ++c) {
+  for (int r = top; r < bottom; ++r) {
+    for (int c = left; c < right; ++c) {
       const float height = mapped(r, c);
       const auto [known, is_new] = known_.try_emplace(node_index(r, c), height);
       if (is_new || known->second == height || (std::isnan(known->second) && std::isnan(height))) continue;
@@ -135,9 +135,9 @@ const FineSample* SoilLattice::find(int row, int column) const {
 }
 
 bool SoilLattice::is_known_around(int row, int column) const {
-  const auto [top, left, bottom, right] = mapped_around({row, column, row, column});
-  for (int r = top; r <= bottom; ++r) {
-    for (int c = left; c <= right; ++c) {
+  const auto [top, left, bottom, right] = mapped_around({row, column, row + 1, column + 1});
+  for (int r = top; r < bottom; ++r) {
+    for (int c = left; c < right; ++c) {
       const auto known = known_.find(node_index(r, c));
       if (known == known_.end() || known->second != mapped(r, c)) return false;
     }
@@ -155,18 +155,18 @@ double SoilLattice::below_map(int row, int column, std::int32_t last) const {
   return is_loaded ? pressed : 0.0;  // as `renew` will have it
 }
 
-SampleRectangle SoilLattice::around(int node_row, int node_column) const {
+CellRange SoilLattice::around(int node_row, int node_column) const {
   const int half = refine_ / 2, row = node_row * refine_, column = node_column * refine_;
-  return {std::max(0, row - half), std::max(0, column - half), std::min(row + half, rows() - 1),
-          std::min(column + half, columns() - 1)};
+  return {std::max(0, row - half), std::max(0, column - half), std::min(row + half + 1, rows()),
+          std::min(column + half + 1, columns())};
 }
 
 double SoilLattice::mean_around(int node_row, int node_column) const {
   const auto [top, left, bottom, right] = around(node_row, node_column);
   double sunk = 0.0;
   int count = 0;
-  for (int r = top; r <= bottom; ++r) {
-    for (int c = left; c <= right; ++c) {
+  for (int r = top; r < bottom; ++r) {
+    for (int c = left; c < right; ++c) {
       const FineSample* sample = find(r, c);
       if (std::isnan(sample != nullptr ? sample->level : level_at(r, c))) continue;
       if (sample != nullptr) sunk += sample->yield.plastic;
@@ -188,8 +188,8 @@ std::vector<PressedNode> SoilLattice::take_pressed() {
     const int row = static_cast<int>(node / map_.columns), column = static_cast<int>(node % map_.columns);
     // The levels of all samples around are those of the map before it changes.
     const auto [top, left, bottom, right] = around(row, column);
-    for (int r = top; r <= bottom; ++r)
-      for (int c = left; c <= right; ++c) at(r, c);
+    for (int r = top; r < bottom; ++r)
+      for (int c = left; c < right; ++c) at(r, c);
     const double level = at(row * refine_, column * refine_).level;
     const float height = static_cast<float>(level - mean_around(row, column));
     float& known = known_[node];

@@ -12,7 +12,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "map/height_grid.h"
+#include "map/window.h"
 #include "soil/soil_law.h"
 
 namespace smartmesh {
@@ -46,13 +46,6 @@ struct SoilMemory {
   std::vector<float> heights;
 };
 
-// Rectangle of samples: first row and column, last row and column; none if `bottom` < `top`.
-struct SampleRectangle {
-  int top = 0, left = 0, bottom = -1, right = -1;
-
-  bool empty() const { return bottom < top || right < left; }
-};
-
 class SoilLattice {
  public:
   // `spacing` [m]: largest of the fine samples.
@@ -72,9 +65,9 @@ class SoilLattice {
 
   // Takes the ground of some fine samples for new soil where others changed the map. What is under a body since the
   // `last` step keeps its sinkage: it moves with the ground.
-  void renew(const SampleRectangle& samples, std::int32_t last);
+  void renew(const CellRange& samples, std::int32_t last);
   // Returns the highest of the map's samples around these, without the map's z [m]; -1e300 = holes alone.
-  double highest(const SampleRectangle& samples) const;
+  double highest(const CellRange& samples) const;
   // Returns how far a fine sample is pressed below the map, which shows the means around its samples, and later [m].
   // `last`: as in `renew`, of loads that still press it.
   double below_map(int row, int column, std::int32_t last) const;
@@ -109,9 +102,9 @@ class SoilLattice {
   // Returns a fine sample, null if it was never looked at.
   const FineSample* find(int row, int column) const;
   // Returns the samples of the map around some fine ones.
-  SampleRectangle mapped_around(const SampleRectangle& samples) const;
+  CellRange mapped_around(const CellRange& samples) const;
   // Returns the fine samples around a sample of the map.
-  SampleRectangle around(int node_row, int node_column) const;
+  CellRange around(int node_row, int node_column) const;
   // Returns the mean sinkage around a sample of the map [m].
   double mean_around(int node_row, int node_column) const;
 

@@ -150,19 +150,19 @@ void cover(const Underside& shape, UndersideRow& row) {
     if (is_box && k != shape.upright) cover_along(shape, k, row);
 }
 
-Vec3 normal_at(const Underside& shape, const Vec3& point) {
+Vec3 normal_at(const Underside& shape, const double (&half)[3], const Vec3& point) {
   if (shape.kind == ShapeKind::Box) {
     int face = 0;
     double farthest = -1.0;
     for (int k = 0; k < 3; ++k) {
-      const double out = std::abs(dot(shape.axis(k), point)) / shape.grown[k];
+      const double out = std::abs(dot(shape.axis(k), point)) / half[k];
       if (out > farthest) face = k, farthest = out;
     }
     return shape.axis(face);
   }
   const Vec3& axis = shape.axis(2);
   double along = shape.kind == ShapeKind::Ball ? 0.0 : dot(axis, point);
-  if (shape.kind == ShapeKind::Cylinder && std::abs(along) > (1.0 - 1e-6) * shape.grown[2]) return axis;  // a flat end
+  if (shape.kind == ShapeKind::Cylinder && std::abs(along) > (1.0 - 1e-6) * half[2]) return axis;  // a flat end
   if (shape.kind == ShapeKind::Capsule) along = std::min(std::max(along, -shape.half[2]), shape.half[2]);
   const Vec3 out = point - along * axis;
   const double length = norm(out);

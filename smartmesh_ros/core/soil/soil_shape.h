@@ -43,8 +43,8 @@ void look_up_exact(const Underside& shape, const UndersideRow& row, UndersideRow
 // Fills `share`.
 void cover(const Underside& shape, UndersideRow& row);
 
-// Returns the unit normal, of either sign, of the underside at a point on it [m].
-Vec3 normal_at(const Underside& shape, const Vec3& point);
+// Returns the unit normal, of either sign, of an underside with these half lengths at a point on it [m].
+Vec3 normal_at(const Underside& shape, const double (&half)[3], const Vec3& point);
 
 // Least vertical component of a normal: soil beside a body does not carry it.
 constexpr double STEEP = 0.05;

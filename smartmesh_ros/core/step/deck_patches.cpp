@@ -18,10 +18,8 @@ bool is_below(const ShownPatch& on, double thickness) {
 
 }  // namespace
 
-DeckPatches::DeckPatches(const Deck& deck, int number, const std::vector<HeightGrid*>& maps,
-                         const std::vector<MeshSurface*>& meshes)
-    : deck_(&deck), number_(number) {
-  patches_.set_tiles(maps, meshes);
+DeckPatches::DeckPatches(const Deck& deck, int number) : deck_(&deck), number_(number) {
+  patches_.set_tiles(deck.tiles.maps(), deck.tiles.meshes());
 }
 
 void DeckPatches::search(const std::vector<std::int64_t>& slots, const std::vector<ReachingBody>& bodies,

@@ -10,9 +10,8 @@ namespace smartmesh {
 
 class DeckPatches {
  public:
-  // `number`: of the deck; `maps`, `meshes`: its tiles.
-  DeckPatches(const Deck& deck, int number, const std::vector<HeightGrid*>& maps,
-              const std::vector<MeshSurface*>& meshes);
+  // `number`: of the deck.
+  DeckPatches(const Deck& deck, int number);
   const Deck& deck() const { return *deck_; }
 
   // Does what `ShownPatches` does in a search, for bodies as seen from the deck. Others have no patch on it.

@@ -39,7 +39,6 @@ std::int64_t floor_of(double value) { return static_cast<std::int64_t>(std::floo
 }  // namespace
 
 void ShownPatches::set_tiles(const std::vector<HeightGrid*>& maps, const std::vector<MeshSurface*>& meshes) {
-  maps_ = maps;
   tiles_.set_all(maps, meshes);
   for (ShownPatch& patch : patches_) patch.square.tile = -1, patch.calm = false, patch.read = {};
 }
@@ -62,7 +61,7 @@ int ShownPatches::map_under(const Vec3& p, double radius, int before, std::vecto
 
 // Returns the square around the vertex nearest to a place. On a single map it stays on the map, so that it is complete.
 PatchSquare ShownPatches::square_on(int tile, const GridPoint& place, double radius) const {
-  const HeightGrid& map = *maps_[tile];
+  const HeightGrid& map = *tiles_.maps()[tile];
   const int room = std::max((std::min(map.rows, map.columns) - 1) / 2, 1);
   // Half a cell more, because the square is centred on the nearest vertex instead of the body.
   const double wanted = std::ceil(radius / map.resolution + 0.5 - ROUNDING);
@@ -72,7 +71,7 @@ PatchSquare ShownPatches::square_on(int tile, const GridPoint& place, double rad
   PatchSquare found{tile, 0, 0, 2 * rings + 1, stride};
   const auto first = [&](double at, int size) {
     const std::int64_t start = floor_of(std::ceil(at - 0.5)) - static_cast<std::int64_t>(rings) * stride;
-    if (maps_.size() > 1) return static_cast<int>(start);
+    if (tiles_.maps().size() > 1) return static_cast<int>(start);
     return static_cast<int>(std::max<std::int64_t>(std::min<std::int64_t>(start, size - 1 - 2 * rings * stride), 0));
   };
   found.row = first(place.row, map.rows), found.column = first(place.column, map.columns);
@@ -81,8 +80,8 @@ PatchSquare ShownPatches::square_on(int tile, const GridPoint& place, double rad
 
 void ShownPatches::search(const std::vector<std::int64_t>& slots, const std::vector<ReachingBody>& bodies,
                           double time) {
-  TileReader reader(maps_, time, INSTANT);
-  const double gap = maps_.size() > 1 ? reader.widest_gap() : 0.0;
+  TileReader reader(tiles_.maps(), time, INSTANT);
+  const double gap = tiles_.maps().size() > 1 ? reader.widest_gap() : 0.0;
   for (std::size_t k = 0; k < slots.size(); ++k) {
     ShownPatch& patch = patches_[slots[k]];
     patch.body = bodies[k];
@@ -96,7 +95,7 @@ void ShownPatches::search(const std::vector<std::int64_t>& slots, const std::vec
 }
 
 void ShownPatches::collect(const std::vector<std::int64_t>& slots, double time) {
-  TileReader tiles(maps_, time, INSTANT);
+  TileReader tiles(tiles_.maps(), time, INSTANT);
   for (std::int64_t slot : slots) {
     ShownPatch& patch = patches_[slot];
     const bool on_map = patch.square.tile >= 0;
@@ -168,9 +167,9 @@ void ShownPatches::read_points(const PatchSquare& square, TileReader& tiles, std
     for (int c = 0; c < square.side; ++c) {
       const int column = square.column + c * square.stride;
       const GridPoint place{static_cast<double>(row), static_cast<double>(column)};
-      const double height = map.has(row, column) ? tile.reader.height(row, column)
-                            : maps_.size() > 1   ? tiles.across(square.tile, place.row, place.column).height
-                                                 : NONE;
+      const double height = map.has(row, column)       ? tile.reader.height(row, column)
+                            : tiles_.maps().size() > 1 ? tiles.across(square.tile, place.row, place.column).height
+                                                       : NONE;
       *next++ = tile.pose.point(place, map.resolution, height);
     }
   }
@@ -237,7 +236,8 @@ bool ShownPatches::read_meshes(ShownPatch& patch, double time) {
 // Finds what a circle around the middle of the body meets, seen from above: cells of a map, or triangles of a mesh.
 void ShownPatches::find_near(ShownPatch& patch) {
   const PatchSquare& square = patch.square;
-  const double radius = patch.body.radius, cell = patch.is_mesh ? 1.0 : maps_[square.tile]->resolution * square.stride;
+  const double radius = patch.body.radius,
+               cell = patch.is_mesh ? 1.0 : tiles_.maps()[square.tile]->resolution * square.stride;
   const double row = (patch.place.row - square.row) / square.stride,
                column = (patch.place.column - square.column) / square.stride;
   const auto meets_cell = [&](int first) {

@@ -93,7 +93,6 @@ class ShownPatches {
   bool read_meshes(ShownPatch& patch, double time);
   void find_near(ShownPatch& patch);
 
-  std::vector<HeightGrid*> maps_;
   Tiles tiles_;
   std::vector<ShownPatch> patches_;
   std::vector<Vec3> fresh_;
