@@ -49,7 +49,7 @@ TEST(Deck, IsTouchedAsGroundInItsFrame) {
   Deck deck;
   deck.tiles.set_all({&level.grid}, {});
   const FrameVelocity velocity{{1.0, 2.0, 3.0}, {0.1, -0.2, 0.3}};
-  deck.motion.put({0.0, {4.0, 5.0, 6.0}, about_x(0.5), velocity});
+  deck.motion.put({0.0, {4.0, 5.0, 6.0}, about_x(0.5), 1.0, velocity});
   const Pose frame = deck.motion.at(0.0).pose;
   const Pose on_deck{{}, {0.3, 0.4, 0.0999}};
   const Convex shape = box({0.1, 0.1, 0.1});
@@ -61,8 +61,11 @@ TEST(Deck, IsTouchedAsGroundInItsFrame) {
   body.centre = at, body.linear = velocity.linear, body.angular = velocity.angular;
   body.duration = body.ahead = step, body.margin = 1e-3;
   std::vector<Contact> contacts;
-  Seams seams;
-  DeckSearch().add(shape, frame * on_deck, deck, near, 0.0, body, contacts, seams);
+  Tiles tiles;
+  tiles.set_all({}, {}, std::vector<Deck*>(8, &deck));
+  GroundContacts search;
+  search.find_on_decks(shape, frame * on_deck, tiles, {near}, 0.0, body);
+  search.find(shape, frame * on_deck, tiles, 0.0, body, contacts);
   ASSERT_EQ(contacts.size(), 4u);
   const Pose end = deck.motion.at(step).pose;
   for (const Contact& contact : contacts) {
