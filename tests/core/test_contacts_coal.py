@@ -192,3 +192,13 @@ def test_a_spike_touches_hulls_without_volume_from_either_side(third: tuple[floa
     tile = HeightMap(heights, resolution=0.1).core_reader
     found = np.asarray(_core.find_contacts(shape, [tile], pose, np.zeros((2, 3)), 0.0, 0.02))
     assert nearest(found) == pytest.approx(0.01, abs=1e-6)
+
+
+def test_the_rim_of_a_plate_without_thickness_touches_a_ridge() -> None:
+    heights = np.zeros((9, 9))
+    heights[:, 4] = 0.1
+    shape = BodyShape.hull(np.array([(-0.2, 0.0, 0.0), (0.2, 0.0, 0.0), (0.0, 0.0, 0.3)]), 0.0)
+    pose = np.vstack([np.eye(3), [0.4, 0.45, 0.11]])  # across the ridge, between two of its samples
+    tile = HeightMap(heights, resolution=0.1).core_reader
+    found = np.asarray(_core.find_contacts(shape, [tile], pose, np.zeros((2, 3)), 0.0, 0.02))
+    assert nearest(found) == pytest.approx(0.01, abs=1e-6)

@@ -12,7 +12,7 @@ namespace smartmesh {
 
 namespace {
 
-// Sine of the angle between two faces below which they count as one plane.
+// Angle between the normals of two faces below which they count as one plane [rad].
 constexpr double SAME_PLANE = 1e-4;
 // Distance up to which points count as one, in one plane or on one line, as a share of a hull's size. Above the
 // rounding of meshes in single precision, below what contacts notice.
@@ -145,8 +145,7 @@ void add_edges(Polytope& core) {
     }
   }
   const auto flat = [&](const PolyEdge& edge) {
-    return edge.faces[1] < 0 ||
-           norm(cross(core.faces[edge.faces[0]].normal, core.faces[edge.faces[1]].normal)) < SAME_PLANE;
+    return edge.faces[1] < 0 || norm(core.faces[edge.faces[0]].normal - core.faces[edge.faces[1]].normal) < SAME_PLANE;
   };
   core.edges.erase(std::remove_if(core.edges.begin(), core.edges.end(), flat), core.edges.end());
 }
