@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.outputs.rates import Rhythm
 from smartmesh_ros.node.timing.pacing import MOST_CATCH_UP, DeadlinePolicy, Pacer
 from smartmesh_ros.node.timing.stamps import OLDEST, Placed, StampClock
 
@@ -202,3 +203,12 @@ def test_a_stamp_that_goes_back_is_refused_or_takes_the_last_ones_time() -> None
     again = clock.place(9.9, 10.1, lambda age: 10.1 - age, most=0.2)
     assert again.stamp == 10.0
     assert again.time == pytest.approx(first.time)
+
+
+@given(st.floats(2.01, 50.0))
+def test_an_output_that_missed_periods_comes_once_and_then_a_period_later(stall: float) -> None:
+    rhythm, step, rate = Rhythm(), 0.01, 10.0
+    times = np.append(np.arange(100) * step, 0.99 + stall / rate + np.arange(100) * step)
+    due = [time for time in times.tolist() if rhythm.is_due(time, rate)]
+    assert np.diff(due).min() > 0.5 / rate
+    assert len(due) == 20

@@ -51,7 +51,8 @@ class Rhythm:
         self._due = min(self._due, time + period)  # the rate was lower before
         if not now and time < self._due:
             return False
-        self._due = max(min(self._due, time) + period, time)
+        following = min(self._due, time) + period
+        self._due = following if following > time else time + period
         return True
 
 
