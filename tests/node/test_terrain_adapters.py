@@ -58,7 +58,7 @@ def image(heights: NDArray[np.float64]) -> Image:
 def occupancy_grid(percent: NDArray[np.int8], corner: tuple[float, float]) -> OccupancyGrid:
     message = OccupancyGrid(data=percent.ravel().tolist())
     message.info.resolution, message.info.height, message.info.width = RESOLUTION, *percent.shape
-    message.info.origin = pose_message((*corner, 0.0))
+    message.info.origin = pose_message((*corner, 0.5))
     return message
 
 
@@ -138,14 +138,14 @@ def test_images_are_placed_by_parameters() -> None:
 def test_occupancy_grids_and_their_updates_become_walls() -> None:
     with fed({**HOLD, "terrain.input": "occupancy_grid", "raster.scale": 2.0}) as node:
         node.give("occupancy_grid", stamped(node, occupancy_grid(np.zeros((ROWS, COLUMNS), np.int8), CORNER)))
-        expected = np.zeros((ROWS, COLUMNS))
+        expected = np.full((ROWS, COLUMNS), 0.5)
         assert (node.heights(*places()) == expected).all()
 
         def update(data: tuple[int, ...] = (100, 50)) -> OccupancyGridUpdate:
             return OccupancyGridUpdate(x=9, y=11, width=2, height=1, data=data)
 
         node.give("occupancy_grid_update", stamped(node, update()))
-        expected[11, 9:11] = 2.0, 1.0
+        expected[11, 9:11] = 2.5, 1.5
         np.testing.assert_allclose(node.heights(*places()), expected, atol=1e-6)
         require_refused(
             node, "occupancy_grid_update", lambda: update((100, 100)),

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros import HeightMap, InputError, MotionConfig
-from smartmesh_ros.io.rasters import RasterConfig, from_cells, from_grid_map, from_image, from_points, occupancy_heights
+from smartmesh_ros.io.rasters import RasterConfig, from_grid_map, from_image, from_points, occupancy_heights
 from smartmesh_ros.terrain.motion import Changes
 
 NAN = float("nan")
@@ -65,32 +65,9 @@ def test_what_is_missing_is_a_hole_in_every_raster_whatever_lies_there(missing: 
     assert cloud.geometry.origin == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
 
 
-@pytest.mark.parametrize("first_row", ["top", "bottom"])
-def test_an_image_is_placed_and_scaled(first_row: str) -> None:
-    pixels = np.array([[1, 2, 3, 4], [5, 6, 7, 8], [9, 10, 11, 0]], np.uint16)
-    config = RasterConfig(
-        scale=0.01, offset=1.0, resolution=0.5, origin=(1.0, 2.0, 3.0), first_row=first_row, zero_is_hole=True
-    )  # type: ignore[arg-type]
-    raster = from_image(pixels, config)
-    top, bottom = (3.0, 2.0) if first_row == "top" else (2.0, 3.0)
-    assert height_at(raster, 1.0, top) == pytest.approx(3.0 + 1.01)
-    assert height_at(raster, 2.5, top) == pytest.approx(3.0 + 1.04)
-    assert height_at(raster, 1.0, bottom) == pytest.approx(3.0 + 1.09)
-    assert math.isnan(height_at(raster, 2.5, bottom))
-
-
 def test_occupancy_stands_as_high_as_it_is_certain_and_unknown_is_a_hole() -> None:
     heights = occupancy_heights(np.array([[0, 50, 100, -1]], np.int8), RasterConfig(scale=2.0, offset=-0.5))
     assert np.array_equal(heights, np.array([[-0.5, 0.5, 1.5, NAN]], np.float32), equal_nan=True)
-
-
-@given(yaw=st.floats(-3.0, 3.0), resolution=st.floats(0.01, 5.0))
-def test_samples_of_cells_lie_in_their_middles(yaw: float, resolution: float) -> None:
-    raster = from_cells(np.zeros((4, 6), np.float32), corner=(1.0, 2.0, 3.0), yaw=yaw, resolution=resolution)
-    turn = complex(math.cos(yaw), math.sin(yaw))
-    first = complex(1.0, 2.0) + complex(0.5, 0.5) * resolution * turn
-    assert raster.geometry.origin == pytest.approx((first.real, first.imag, 3.0))
-    assert raster.geometry.yaw == yaw
 
 
 @given(
