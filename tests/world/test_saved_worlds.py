@@ -5,6 +5,7 @@ import json
 import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from tests.grounds import level, terrain_of
 from tests.spoilt_states import HOWS, spoilt
 from tests.urdfs import ROVER
 from tests.world.random_worlds import digests_elsewhere, saved_run
+from tests.world.test_tracked_shapes import SHAPES
 
 # Of `random_worlds`: soil and robots, tiles and a mesh, fused corrections, regions, a scrolling map.
 SEEDS, STEPS = (11, 6, 67, 9), 400
@@ -35,14 +37,14 @@ def test_worlds_saved_at_random_steps_go_on_to_the_bit_in_a_new_process(tmp_path
 
 
 def test_a_restored_world_is_saved_as_it_was() -> None:
-    """However bodies are turned, half turns about diagonals among them."""
+    """However bodies are turned, half turns about diagonals among them, and of whatever shape tracked ones are."""
     turns = np.vstack([np.random.default_rng(4).normal(size=(8, 4)), [[-1, 0, 1, 0], [1, -1, 0, 0], [1, 1, 1, 1]]])
     with World(terrain_of(a=level(41, 0.05))) as made:
-        for number, turn in enumerate(turns):
+        for number, (turn, shape) in enumerate(zip(turns, cycle(SHAPES), strict=False)):
             x, y, z, w = (turn / np.linalg.norm(turn)).tolist()
             state = BodyState((0.3 * number - 1.5, 0.5, 1.0), (x, y, z, w), (0.0, 0.1, 0.0), (1.0, 2.0, 3.0))
             made.spawn(f"box {number}", Box(0.2, 0.1, 0.05), 1.0, state)
-            made.track(f"tracked {number}", Box(0.2, 0.1, 0.05), replace(state, position=(0.3 * number, -1.0, 1.0)))
+            made.track(f"tracked {number}", shape, replace(state, position=(0.3 * number, -1.0, 1.0)))
             made.spawn_robot(f"rover {number}", ROVER, replace(state, position=(0.0, 1.5, 1.0 + number)))
         for steps in (0, 20):
             made.step(steps)
