@@ -109,7 +109,8 @@ def test_grid_maps_of_both_orders_scroll_with_their_robot(logged: Logged) -> Non
             ("geometry", {"info__resolution": 0.0}),
             ("geometry", {"info__length_x": math.inf}),
             ("size", {"info__length_x": 1e7}),
-            ("region", {"outer_start_index": 400}),
+            ("region", {"outer_start_index": COLUMNS}),
+            ("region", {"inner_start_index": ROWS}),
             ("length", {"data": []}),
             ("length", {"data__1__data": [0.0]}),
             ("length", {"data__1__layout__dim__0__label": "x"}),
@@ -135,11 +136,13 @@ def test_images_are_placed_by_parameters() -> None:
         assert shows(node, tolerance=0.001)
 
 
-def test_occupancy_grids_and_their_updates_become_walls() -> None:
+def test_occupancy_grids_and_their_updates_become_walls_and_holes_where_they_are_unknown() -> None:
+    percent = np.zeros((ROWS, COLUMNS), np.int8)
+    percent[0, 0] = -1
     with fed({**HOLD, "terrain.input": "occupancy_grid", "raster.scale": 2.0}) as node:
-        node.give("occupancy_grid", stamped(node, occupancy_grid(np.zeros((ROWS, COLUMNS), np.int8), CORNER)))
-        expected = np.full((ROWS, COLUMNS), 0.5)
-        assert (node.heights(*places()) == expected).all()
+        node.give("occupancy_grid", stamped(node, occupancy_grid(percent, CORNER)))
+        expected = np.where(percent < 0, np.nan, 0.5)
+        np.testing.assert_array_equal(node.heights(*places()), expected)
 
         def update(data: tuple[int, ...] = (100, 50)) -> OccupancyGridUpdate:
             return OccupancyGridUpdate(x=9, y=11, width=2, height=1, data=data)

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros import HeightMap, InputError, MotionConfig
-from smartmesh_ros.io.rasters import RasterConfig, from_grid_map, from_image, from_points, occupancy_heights
+from smartmesh_ros.io.rasters import RasterConfig, from_grid_map, from_image, from_points
 from smartmesh_ros.terrain.motion import Changes
 
 NAN = float("nan")
@@ -63,11 +63,6 @@ def test_what_is_missing_is_a_hole_in_every_raster_whatever_lies_there(missing: 
     cloud = from_points(np.ma.stack([x, y, cells], axis=-1), PLAIN)
     np.testing.assert_array_equal(np.isnan(cloud.heights), np.isin(CELLS, (6.0, 1.0)))
     assert cloud.geometry.origin == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
-
-
-def test_occupancy_stands_as_high_as_it_is_certain_and_unknown_is_a_hole() -> None:
-    heights = occupancy_heights(np.array([[0, 50, 100, -1]], np.int8), RasterConfig(scale=2.0, offset=-0.5))
-    assert np.array_equal(heights, np.array([[-0.5, 0.5, 1.5, NAN]], np.float32), equal_nan=True)
 
 
 @given(
