@@ -19,7 +19,7 @@ from tests.node.shared import Fed, Logged, fed, stamped
 from tests.node.test_refusals import changed
 
 RESOLUTION = 0.25
-ROWS, COLUMNS = 24, 32  # along y and along x
+ROWS, COLUMNS = 25, 32  # along y and along x
 # The ground is as in the last map, at once.
 HOLD = {"terrain.motion": "hold", "terrain.settle": 0.001}
 CORNER = (1.0 - 0.5 * RESOLUTION, -2.0 - 0.5 * RESOLUTION)  # of a grid whose samples lie where they do elsewhere
@@ -93,7 +93,7 @@ def test_grid_maps_of_both_orders_scroll_with_their_robot(logged: Logged) -> Non
             node.give("grid_map", sent)
             assert shows(node, rise=rise)
 
-        for start, row_major in (((0, 0), False), ((5, 3), False), ((31, 23), True)):
+        for start, row_major in (((0, 0), False), ((5, 3), False), ((31, 24), True)):
             give(3.0, start=start)
             give(start=start, row_major=row_major)
         for excess in (-0.45, 0.499):  # lengths are rounded to cells: 8.0 m of 0.06 m of elevation_mapping_cupy are 133

@@ -15,12 +15,15 @@ from rasterio.control import GroundControlPoint
 from rasterio.enums import ColorInterp
 from rasterio.transform import Affine
 
-from smartmesh_ros import InputError
+from smartmesh_ros import HeightMap, InputError
 from smartmesh_ros.io.files import load
 from smartmesh_ros.io.rasters import RasterConfig
-from tests.terrain.test_rasters import height_at
 
 HEIGHTS = np.arange(12, dtype=np.float32).reshape(3, 4)  # first row at the top
+
+
+def height_at(raster: Any, x: float, y: float) -> float:
+    return float(HeightMap(raster.heights, geometry=raster.geometry).at([[x, y]], 0.0).heights[0])
 
 
 def test_arrays_pictures_and_tiffs_without_a_place_are_placed_and_scaled_by_the_configuration(

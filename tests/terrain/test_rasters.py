@@ -17,36 +17,7 @@ from smartmesh_ros.terrain.motion import Changes
 
 NAN = float("nan")
 PLAIN = RasterConfig()
-
-
-def height_at(raster: Any, x: float, y: float) -> float:
-    return float(HeightMap(raster.heights, geometry=raster.geometry).at([[x, y]], 0.0).heights[0])
-
-
 CELLS = np.arange(20.0, dtype=np.float32).reshape(5, 4)
-
-
-@given(
-    along_x=st.integers(3, 9),
-    along_y=st.integers(3, 9),
-    data=st.data(),
-    resolution=st.floats(0.01, 2.0),
-    centre=st.tuples(st.floats(-50, 50), st.floats(-50, 50)),
-)
-def test_every_cell_of_a_grid_map_is_where_its_definition_says(
-    along_x: int, along_y: int, data: st.DataObject, resolution: float, centre: tuple[float, float]
-) -> None:
-    """Cell (i, j) of space lies at the centre plus half a length, less (i + 1/2, j + 1/2) cells; it is stored at
-    (i + outer, j + inner), modulo the size."""
-    start = data.draw(st.integers(0, along_x - 1)), data.draw(st.integers(0, along_y - 1))
-    stored = np.arange(along_x * along_y, dtype=np.float32).reshape(along_x, along_y)
-    raster = from_grid_map(stored, start=start, centre=centre, resolution=resolution, config=PLAIN)
-    for i in range(along_x):
-        for j in range(along_y):
-            x = centre[0] + (0.5 * along_x - i - 0.5) * resolution
-            y = centre[1] + (0.5 * along_y - j - 0.5) * resolution
-            wanted = stored[(i + start[0]) % along_x, (j + start[1]) % along_y]
-            assert height_at(raster, x, y) == pytest.approx(wanted, abs=1e-3)
 
 
 @pytest.mark.parametrize("missing", [NAN, math.inf, -math.inf, np.ma.masked])
