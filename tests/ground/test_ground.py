@@ -103,11 +103,12 @@ def test_a_client_that_was_reset_is_named_in_each_refusal_and_takes_a_new_ground
     asked: tuple[Callable[[], object], ...] = (
         lambda: ground.attach(ball), lambda: ground.step(DT, DT), lambda: ground.clock, lambda: ground.rescues,
         lambda: ground.is_asleep(0), lambda: ground.find_patches(0.0), ground.show,
-        lambda: ground.set_soil(Soil(ground.terrain, "clay")),
+        lambda: ground.set_soil(Soil(ground.terrain, "clay")), lambda: ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3),
     )  # fmt: skip
     for ask in asked:
         with pytest.raises(InputError, match="client was reset or closed: close this ground, and make another"):
             ask()
+    assert not any(follower.belt.speed for follower in ground.followers)
     assert client.getNumBodies() == 1
     client.stepSimulation()
     ground.close()
