@@ -23,7 +23,8 @@ def grid_map_message(
 ) -> GridMap:
     """A GridMap of layers (rows along +y, columns along +x) around ``middle`` [m].
 
-    ``start``: the first cell (along -x, along -y) of the circular buffer.
+    Cell (i, j) of space lies at the middle plus half a length, less (i + 1/2, j + 1/2) cells, and is stored at that
+    place after ``start``, the first cell (along -x, along -y) of the circular buffer.
     """
     message = GridMap(layers=list(layers), outer_start_index=start[0], inner_start_index=start[1])
     message.header.frame_id = frame_id

@@ -9,7 +9,7 @@ import pybullet as pb
 import pybullet_data
 import pytest
 
-from smartmesh_ros import Ground, InputError, Sphere
+from smartmesh_ros import Ground, InputError, Soil, Sphere
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.bodies import ground_of, height, put, run
 from tests.core import mesh_parts
@@ -103,14 +103,16 @@ def test_a_client_that_was_reset_is_named_in_each_refusal_and_takes_a_new_ground
     asked: tuple[Callable[[], object], ...] = (
         lambda: ground.attach(ball), lambda: ground.step(DT, DT), lambda: ground.clock, lambda: ground.rescues,
         lambda: ground.is_asleep(0), lambda: ground.find_patches(0.0), ground.show,
+        lambda: ground.set_soil(Soil(ground.terrain, "clay")), lambda: ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3),
     )  # fmt: skip
     for ask in asked:
         with pytest.raises(InputError, match="client was reset or closed: close this ground, and make another"):
             ask()
+    assert not any(follower.belt.speed for follower in ground.followers)
     assert client.getNumBodies() == 1
     client.stepSimulation()
     ground.close()
-    assert not ground.shown
+    assert not ground.shown and ground.soil is None
     client.setGravity(0.0, 0.0, -9.81)
     require_standing(client, Ground(client, level()))
 

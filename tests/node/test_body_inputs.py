@@ -21,6 +21,7 @@ from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.timing.pacing import NodeClock
 from smartmesh_ros.tools.testing import pose_message
+from tests.bodies import about_z
 from tests.examples import examples
 from tests.node.shared import Fed, Logged, fed, stamped, transform_message, wait_until
 from tests.world.test_tracked_shapes import ARM as TRACKED_ARM
@@ -161,7 +162,7 @@ RADIUS = 0.4
 
 
 def pose(x: float, y: float = 0.0, yaw: float = 0.0) -> BodyState:
-    return BodyState((x, y, RADIUS), (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)))
+    return BodyState((x, y, RADIUS), about_z(yaw))
 
 
 def run(world: World, states: list[BodyState], rate: float) -> float:

@@ -19,7 +19,7 @@ from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.node.inputs.frames import HISTORY, MAX_HOLD, FrameBuffer
 from smartmesh_ros.node.inputs.transform_input import transforms_from
 from smartmesh_ros.tools.testing import floats, heightmap_message
-from tests.bodies import rotation
+from tests.bodies import about_z, rotation
 from tests.examples import examples
 from tests.node.shared import fed
 
@@ -71,7 +71,7 @@ def test_states_are_turned_as_matrices_say(outer: Transform, inner: Transform) -
 
 
 def turned(yaw: float, x: float = 0.0) -> Transform:
-    return Transform((x, 0.0, 0.0), (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)))
+    return Transform((x, 0.0, 0.0), about_z(yaw))
 
 
 @examples(60)

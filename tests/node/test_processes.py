@@ -14,7 +14,6 @@ import numpy as np
 import psutil
 import pytest
 from rclpy.node import Node
-from smartmesh_msgs.msg import Heightmap
 from smartmesh_msgs.srv import QueryGround, StepPhysics
 from std_srvs.srv import SetBool
 
@@ -25,7 +24,6 @@ from smartmesh_ros.node.timing.pacing import Pacer
 from smartmesh_ros.startup.dds import isolated_unless_chosen, require_domain
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, assert_cannot_start, executable
 from tests.node.shared import wait_until
-from tests.node.test_faults import on_map
 from tests.preloaded import has_ended
 
 pytestmark = pytest.mark.usefixtures("executables")
@@ -204,25 +202,6 @@ def test_a_node_counts_no_deadlines_while_it_starts(own_signals: None, monkeypat
     monkeypatch.setattr(gc, "freeze", int)  # the node would be kept
     run(Slow, [])
     assert missed[0] < 100
-
-
-def test_a_source_may_be_killed_and_started_again(udp_only: None, probe: Probe) -> None:
-    """The map stays while there is no source, and the new source's maps are taken."""
-    source = {"scene": "waves", "rate": 30.0, "rows": 60, "columns": 80, "yaw": 0.3}
-    with probe.running():
-        with Process("terrain_source", source) as first:
-            probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] == "4800")
-            probe.publish_poses([(1.0, 1.0, 0.3)])
-            probe.wait_for(probe.patches)
-            first.process.kill()
-        probe.wait_for(lambda: "old" in probe.diagnostics("terrain")["message"])
-        assert probe.diagnostics("terrain")["samples"] == "4800"
-        maps = probe.listen("heightmap", Heightmap, 10)
-        with Process("terrain_source", {**source, "wave.frequency": 0.0}):  # all its maps are one
-            updates = int(probe.diagnostics("terrain")["updates of ''"])
-            probe.wait_for(lambda: int(probe.diagnostics("terrain")["updates of ''"]) > updates + 10)
-            probe.wait_for(lambda: maps)
-            probe.wait_for(on_map(probe, maps[-1]))
 
 
 @pytest.mark.parametrize(

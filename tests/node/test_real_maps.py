@@ -12,7 +12,6 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from grid_map_msgs.msg import GridMap
 from nav_msgs.msg import Odometry
-from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message
 from smartmesh_msgs.msg import Heightmap
 from std_srvs.srv import Trigger
@@ -28,6 +27,7 @@ from smartmesh_ros.terrain.motion import MotionMode
 from smartmesh_ros.tools.testing import Probe, bags, heightmap_message
 from tests.memory import allocated
 from tests.node.shared import Logged, fed
+from tests.terrain.test_noise_check import of_mapper
 
 MAPPER = Path(__file__).parents[1] / "data" / "mapper"
 DEFAULTS = {spec.name: spec.default for spec in SPECS}
@@ -67,21 +67,16 @@ def test_maps_that_agree_go_on_or_come_alone_again_are_not_of_rivals() -> None:
 ADVICE = "set terrain.changes: correction"
 
 
-def of_mapper(number: int) -> NDArray[np.float32]:
-    """Maps of level ground at 10 Hz: 5 mm of noise, 1 cm/s of drift, a closure of 8 cm every 2 s."""
-    noise = np.random.default_rng(number).normal(0.0, 0.005, LEVEL.shape)
-    return np.asarray(LEVEL + noise + 0.001 * number + 0.08 * (number // 20 % 2), np.float32)
-
-
 @pytest.mark.parametrize("given", [False, True])
 def test_maps_of_a_mapper_that_are_taken_for_motion_are_a_warning(logged: Logged, given: bool) -> None:
     """Unless their velocities say that the ground moves."""
+    maps = [heights for _, _, heights in of_mapper(6.2, 10.0, noise=0.005, drift=0.01, closure=0.08)]
     with fed({"terrain.changes": "motion"}) as node:
 
         def give(number: int) -> tuple[bytes, str]:
             """Gives a map that holds from now on; level and words of the diagnostics a tenth of a second later."""
-            velocities = LEVEL if given else None
-            message = heightmap_message(of_mapper(number), resolution=0.5, tile="east", velocities=velocities)
+            velocities = np.zeros_like(maps[number]) if given else None
+            message = heightmap_message(maps[number], tile="east", velocities=velocities)
             node.give("heightmap", message, steps=24)
             return node.node._outputs._diagnostics._terrain()[:2]
 

@@ -16,6 +16,7 @@ from std_srvs.srv import SetBool
 from smartmesh_ros import BodyState
 from smartmesh_ros.scenes.tracks import robot_file
 from smartmesh_ros.tools.testing import heightmap_message, pose_message
+from tests.bodies import about_z
 from tests.node.shared import Fed, Logged, fed, on_level
 
 ROVER = Path(__file__).parent.parent / "data" / "rover.urdf"
@@ -23,13 +24,12 @@ RADIUS = 0.15  # of the wheels [m]
 WEIGHT = 14.0 * 9.81  # of the rover [N]
 WHEELS = ["front_left", "front_right", "rear_left", "rear_right"]
 YAW = 2.1
-TURNED = (0.0, 0.0, math.sin(0.5 * YAW), math.cos(0.5 * YAW))
 LASTING = {"bodies.command_timeout": 0.0}
 
 
 def test_the_ground_carries_the_weight_where_the_centre_of_mass_is() -> None:
     with on_level(LASTING, keep=["contact_wrenches"]) as run:
-        run.world.spawn_robot("rover", ROVER.read_text(), BodyState((4.0, 4.0, 0.3), TURNED))
+        run.world.spawn_robot("rover", ROVER.read_text(), BodyState((4.0, 4.0, 0.3), about_z(YAW)))
         run.run(2.0)
         message = run.received("contact_wrenches")[-1]
         assert message.header.frame_id == "map"

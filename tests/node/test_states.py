@@ -62,17 +62,15 @@ def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(tmp_path: Path
     other.write_bytes(b"mine")
     with paused() as run:
         state, before = save(run), step(run)
-        spoilt = array("B", state)  # how else they may be: tests/world/test_saved_worlds.py
+        spoilt = array("B", state)  # how else they may be, and files: tests/world/test_saved_worlds.py
         spoilt[len(spoilt) // 2] ^= 1
         asked: list[tuple[Any, dict[str, Any], str]] = [
             (RestoreState, {}, "the path of a file, or the bytes"),
             (RestoreState, {"file": str(other)}, "no saved state"),
-            (RestoreState, {"file": str(tmp_path / "none.npz")}, "cannot be read"),
             (RestoreState, {"file": "/etc/passwd"}, "does not end in .npz"),
             (RestoreState, {"state": spoilt}, "damaged"),
             (SaveState, {"file": str(tmp_path / "state.txt")}, "does not end in .npz"),
             (SaveState, {"file": str(other)}, "is no saved state; choose another name"),
-            (SaveState, {"file": str(tmp_path / "no folder" / "s.npz")}, "cannot be saved"),
         ]
         for kind, fields, words in asked:
             service = "save_state" if kind is SaveState else "restore_state"
@@ -120,7 +118,7 @@ def test_episodes_are_equal_to_the_bit() -> None:
         step(run, 30)
         for _ in range(2):
             assert run.call("start_episode", StartEpisode.Request(seed=4)).success
-            assert run.world.time == 0.0
+            assert (run.world.time, run.world.seed) == (0.0, 4)
             found.append(step(run, 90))
     assert found[0] == found[1]
 

@@ -19,7 +19,7 @@ from tests.node.shared import Fed, Logged, fed, stamped
 from tests.node.test_refusals import changed
 
 RESOLUTION = 0.25
-ROWS, COLUMNS = 24, 32  # along y and along x
+ROWS, COLUMNS = 25, 32  # along y and along x
 # The ground is as in the last map, at once.
 HOLD = {"terrain.motion": "hold", "terrain.settle": 0.001}
 CORNER = (1.0 - 0.5 * RESOLUTION, -2.0 - 0.5 * RESOLUTION)  # of a grid whose samples lie where they do elsewhere
@@ -58,7 +58,7 @@ def image(heights: NDArray[np.float64]) -> Image:
 def occupancy_grid(percent: NDArray[np.int8], corner: tuple[float, float]) -> OccupancyGrid:
     message = OccupancyGrid(data=percent.ravel().tolist())
     message.info.resolution, message.info.height, message.info.width = RESOLUTION, *percent.shape
-    message.info.origin = pose_message((*corner, 0.0))
+    message.info.origin = pose_message((*corner, 0.5))
     return message
 
 
@@ -93,7 +93,7 @@ def test_grid_maps_of_both_orders_scroll_with_their_robot(logged: Logged) -> Non
             node.give("grid_map", sent)
             assert shows(node, rise=rise)
 
-        for start, row_major in (((0, 0), False), ((5, 3), False), ((31, 23), True)):
+        for start, row_major in (((0, 0), False), ((5, 3), False), ((31, 24), True)):
             give(3.0, start=start)
             give(start=start, row_major=row_major)
         for excess in (-0.45, 0.499):  # lengths are rounded to cells: 8.0 m of 0.06 m of elevation_mapping_cupy are 133
@@ -109,7 +109,8 @@ def test_grid_maps_of_both_orders_scroll_with_their_robot(logged: Logged) -> Non
             ("geometry", {"info__resolution": 0.0}),
             ("geometry", {"info__length_x": math.inf}),
             ("size", {"info__length_x": 1e7}),
-            ("region", {"outer_start_index": 400}),
+            ("region", {"outer_start_index": COLUMNS}),
+            ("region", {"inner_start_index": ROWS}),
             ("length", {"data": []}),
             ("length", {"data__1__data": [0.0]}),
             ("length", {"data__1__layout__dim__0__label": "x"}),
@@ -135,17 +136,19 @@ def test_images_are_placed_by_parameters() -> None:
         assert shows(node, tolerance=0.001)
 
 
-def test_occupancy_grids_and_their_updates_become_walls() -> None:
+def test_occupancy_grids_and_their_updates_become_walls_and_holes_where_they_are_unknown() -> None:
+    percent = np.zeros((ROWS, COLUMNS), np.int8)
+    percent[0, 0] = -1
     with fed({**HOLD, "terrain.input": "occupancy_grid", "raster.scale": 2.0}) as node:
-        node.give("occupancy_grid", stamped(node, occupancy_grid(np.zeros((ROWS, COLUMNS), np.int8), CORNER)))
-        expected = np.zeros((ROWS, COLUMNS))
-        assert (node.heights(*places()) == expected).all()
+        node.give("occupancy_grid", stamped(node, occupancy_grid(percent, CORNER)))
+        expected = np.where(percent < 0, np.nan, 0.5)
+        np.testing.assert_array_equal(node.heights(*places()), expected)
 
         def update(data: tuple[int, ...] = (100, 50)) -> OccupancyGridUpdate:
             return OccupancyGridUpdate(x=9, y=11, width=2, height=1, data=data)
 
         node.give("occupancy_grid_update", stamped(node, update()))
-        expected[11, 9:11] = 2.0, 1.0
+        expected[11, 9:11] = 2.5, 1.5
         np.testing.assert_allclose(node.heights(*places()), expected, atol=1e-6)
         require_refused(
             node, "occupancy_grid_update", lambda: update((100, 100)),

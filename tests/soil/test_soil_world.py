@@ -76,14 +76,22 @@ def test_what_sleeps_on_hard_soil_sinks_when_soft_soil_lies_there() -> None:
             assert world.state("box").position[2] < 0.096
 
 
-def test_soil_that_is_assigned_before_bodies_stand_on_it_counts() -> None:
+@pytest.mark.parametrize("assigned", [False, True])
+def test_soils_are_where_kinds_say(assigned: bool) -> None:
+    """Given to the soil, or assigned to its map before bodies stand on it."""
+    kinds = np.tile(np.arange(101) // 51, (101, 1))
     with World(HeightMap(FLAT, resolution=0.04)) as world:
-        world.spawn("box", BOX, 20.0, BodyState((2.0, 2.0, 0.1)))
-        soil = Soil(world.terrain, ["lunar", "clay"])
-        world.terrain.tile("").soil = np.ones((101, 101), np.uint8)
+        for name, x in (("lunar", 1.0), ("clay", 3.0)):
+            world.spawn(name, BOX, 20.0, BodyState((x, 2.0, 0.1)))
+        soil = Soil(world.terrain, ["lunar", "clay"], kinds=None if assigned else kinds)
+        if assigned:
+            world.terrain.tile("").soil = kinds
         world.ground.set_soil(soil)
         world.step(240)
-        assert world.state("box").position[2] == pytest.approx(0.1, abs=1e-3)
+        found = world.ground.on_soil()
+        assert found["lunar"].sinkage > 5e-3 > 5e-4 > found["clay"].sinkage
+        soil.reset()
+        assert not soil.sinkage().any()
 
 
 @pytest.mark.parametrize("samples", [1, 4, 5])

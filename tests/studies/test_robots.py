@@ -32,6 +32,7 @@ from studies.robots.robot import (
     scenes,
 )
 from studies.robots.study import Stranger, run_stranger
+from tests.bodies import about_z
 from tests.core.contact_cases import wheel as prism
 
 LEVEL = square(51, 0.04)
@@ -59,8 +60,7 @@ def gon() -> Part:
 def test_a_wheel_is_as_deep_as_sunk(part: Part, oblique: float, depth: float, x: float, y: float, yaw: float) -> None:
     """A corner that stands on the edge between two prisms leaves each of them along the normal of its own side, and is
     less deep by the share ``oblique``."""
-    turn = np.array([0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)])
-    found = FLAT.least_clearance([[part]], np.array([[x, y, RADIUS - depth]]), turn[None])
+    found = FLAT.least_clearance([[part]], np.array([[x, y, RADIUS - depth]]), np.array([about_z(yaw)]))
     assert -depth - 1e-5 <= found <= -depth + oblique * max(depth, 0.0) + 1e-5
 
 

@@ -15,15 +15,18 @@ from rasterio.control import GroundControlPoint
 from rasterio.enums import ColorInterp
 from rasterio.transform import Affine
 
-from smartmesh_ros import InputError
+from smartmesh_ros import HeightMap, InputError
 from smartmesh_ros.io.files import load
 from smartmesh_ros.io.rasters import RasterConfig
-from tests.terrain.test_rasters import height_at
 
 HEIGHTS = np.arange(12, dtype=np.float32).reshape(3, 4)  # first row at the top
 
 
-def test_arrays_pictures_and_tiffs_without_a_place_are_placed_by_the_configuration(
+def height_at(raster: Any, x: float, y: float) -> float:
+    return float(HeightMap(raster.heights, geometry=raster.geometry).at([[x, y]], 0.0).heights[0])
+
+
+def test_arrays_pictures_and_tiffs_without_a_place_are_placed_and_scaled_by_the_configuration(
     tmp_path: Path, recwarn: pytest.WarningsRecorder
 ) -> None:
     np.save(tmp_path / "a.npy", HEIGHTS)
@@ -31,10 +34,13 @@ def test_arrays_pictures_and_tiffs_without_a_place_are_placed_by_the_configurati
     Image.fromarray((HEIGHTS * 1000).astype(np.uint16)).save(tmp_path / "c.png")
     write_tiff(tmp_path / "d.tif", None, None, nodata=None)
     for name, scale in (("a.npy", 1.0), ("b.png", 1.0), ("c.png", 0.001), ("d.tif", 1.0)):
-        raster = load(tmp_path / name, RasterConfig(scale=scale, resolution=2.0, origin=(10.0, 20.0, 0.0)))
-        assert height_at(raster, 10.0, 24.0) == pytest.approx(0.0)
-        assert height_at(raster, 16.0, 24.0) == pytest.approx(3.0)
-        assert height_at(raster, 10.0, 20.0) == pytest.approx(8.0)
+        placed = {"resolution": 2.0, "origin": (10.0, 20.0, 5.0)}
+        raster = load(tmp_path / name, RasterConfig(scale=scale, offset=0.5, **placed))
+        assert height_at(raster, 10.0, 24.0) == pytest.approx(5.5)
+        assert height_at(raster, 16.0, 24.0) == pytest.approx(8.5)
+        assert height_at(raster, 10.0, 20.0) == pytest.approx(13.5)
+        holed = load(tmp_path / name, RasterConfig(scale=scale, offset=0.5, zero_is_hole=True, first_row="bottom"))
+        assert np.array_equal(np.isnan(holed.heights), HEIGHTS == 0.0)
     assert not recwarn.list
 
 

@@ -1,15 +1,12 @@
-"""Where samples of a height map lie, and its heights, holes and motion."""
+"""Heights that are given to a height map, where they lie in memory, and velocities that come with them."""
 
-import math
 import mmap
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from smartmesh_ros import GridGeometry, HeightMap, Terrain
+from smartmesh_ros import HeightMap, Terrain
 from smartmesh_ros.terrain.motion import MotionConfig
 
 
@@ -53,20 +50,3 @@ def test_heights_may_lie_at_any_address() -> None:
         heightmap.replace(shifted, time=0.1, velocities=shifted, variance=shifted)
         heightmap.update_region(1, 0, shifted[1:], time=0.2)
         np.testing.assert_allclose(heightmap.heights, new, rtol=1e-6)
-
-
-geometries = st.builds(
-    GridGeometry,
-    rows=st.integers(3, 200),
-    columns=st.integers(3, 200),
-    resolution=st.floats(0.01, 10.0),
-    origin=st.tuples(*[st.floats(-1e3, 1e3)] * 3),
-    yaw=st.floats(-math.pi, math.pi),
-)
-
-
-@given(geometries, st.floats(0, 199), st.floats(0, 199))
-def test_rows_run_along_the_maps_y_and_columns_along_its_x(geometry: GridGeometry, row: float, column: float) -> None:
-    place = complex(column, row) * geometry.resolution * np.exp(1j * geometry.yaw) + complex(*geometry.origin[:2])
-    np.testing.assert_allclose(geometry.to_world(row, column), (place.real, place.imag), rtol=1e-12, atol=1e-9)
-    np.testing.assert_allclose(geometry.to_grid(geometry.to_world(row, column)), [row, column], atol=1e-6)

@@ -32,11 +32,6 @@ def ground(time: float, w: float = 4.0) -> FloatArray:
     return np.asarray(0.3 * np.sin(0.8 * r + 0.6 * c + w * time))
 
 
-def fed(times: FloatArray) -> HeightMap:
-    """A map that has seen the ground at so many times."""
-    return told([ground(time) for time in times], times)
-
-
 @examples(25)
 @pytest.mark.parametrize("motion", MOTIONS)
 @given(parts, st.lists(st.floats(0.01, 0.2), min_size=1, max_size=4), st.integers(0, 10**6), st.floats(0.0, 0.3))
@@ -267,7 +262,7 @@ def test_vertices_move_along_any_line_as_samples_of_a_map_do_along_z(
 
 def test_a_clock_set_back_takes_the_maps_with_it() -> None:
     times = 10.0 + np.arange(4) * 0.05
-    heightmap = fed(times)
+    heightmap = told([ground(time) for time in times], times)
     before = heightmap.sample(np.arange(600), 10.17, 0.01)
     heightmap.shift_time(-10.0)
     after = heightmap.sample(np.arange(600), 0.17, 0.01)

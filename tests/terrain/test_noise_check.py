@@ -156,6 +156,9 @@ QUIET: dict[str, Callable[[], Feed]] = {
     },
     **{f"{lost} maps lost": partial(with_a_gap, lost) for lost in (2, 4, 6)},
     "messy patch": of_a_messy_patch,
+    "each sample at a speed of its own": lambda: (
+        (time, GRID, HILLS + time * np.random.default_rng(5).normal(0.0, 0.1, HILLS.shape)) for time in at_rate(10.0)
+    ),
     "an origin that rises": lambda: (
         (time, replace(GRID, origin=(*GRID.origin[:2], min(max(time - 1.5, 0.0), 1.0))), HILLS)
         for time in at_rate(30.0, 5.0, 150)

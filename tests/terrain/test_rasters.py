@@ -12,41 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smartmesh_ros import HeightMap, InputError, MotionConfig
-from smartmesh_ros.io.rasters import RasterConfig, from_cells, from_grid_map, from_image, from_points, occupancy_heights
+from smartmesh_ros.io.rasters import RasterConfig, from_grid_map, from_image, from_points
 from smartmesh_ros.terrain.motion import Changes
 
 NAN = float("nan")
 PLAIN = RasterConfig()
-
-
-def height_at(raster: Any, x: float, y: float) -> float:
-    return float(HeightMap(raster.heights, geometry=raster.geometry).at([[x, y]], 0.0).heights[0])
-
-
 CELLS = np.arange(20.0, dtype=np.float32).reshape(5, 4)
-
-
-@given(
-    along_x=st.integers(3, 9),
-    along_y=st.integers(3, 9),
-    data=st.data(),
-    resolution=st.floats(0.01, 2.0),
-    centre=st.tuples(st.floats(-50, 50), st.floats(-50, 50)),
-)
-def test_every_cell_of_a_grid_map_is_where_its_definition_says(
-    along_x: int, along_y: int, data: st.DataObject, resolution: float, centre: tuple[float, float]
-) -> None:
-    """Cell (i, j) of space lies at the centre plus half a length, less (i + 1/2, j + 1/2) cells; it is stored at
-    (i + outer, j + inner), modulo the size."""
-    start = data.draw(st.integers(0, along_x - 1)), data.draw(st.integers(0, along_y - 1))
-    stored = np.arange(along_x * along_y, dtype=np.float32).reshape(along_x, along_y)
-    raster = from_grid_map(stored, start=start, centre=centre, resolution=resolution, config=PLAIN)
-    for i in range(along_x):
-        for j in range(along_y):
-            x = centre[0] + (0.5 * along_x - i - 0.5) * resolution
-            y = centre[1] + (0.5 * along_y - j - 0.5) * resolution
-            wanted = stored[(i + start[0]) % along_x, (j + start[1]) % along_y]
-            assert height_at(raster, x, y) == pytest.approx(wanted, abs=1e-3)
 
 
 @pytest.mark.parametrize("missing", [NAN, math.inf, -math.inf, np.ma.masked])
@@ -63,34 +34,6 @@ def test_what_is_missing_is_a_hole_in_every_raster_whatever_lies_there(missing: 
     cloud = from_points(np.ma.stack([x, y, cells], axis=-1), PLAIN)
     np.testing.assert_array_equal(np.isnan(cloud.heights), np.isin(CELLS, (6.0, 1.0)))
     assert cloud.geometry.origin == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
-
-
-@pytest.mark.parametrize("first_row", ["top", "bottom"])
-def test_an_image_is_placed_and_scaled(first_row: str) -> None:
-    pixels = np.array([[1, 2, 3, 4], [5, 6, 7, 8], [9, 10, 11, 0]], np.uint16)
-    config = RasterConfig(
-        scale=0.01, offset=1.0, resolution=0.5, origin=(1.0, 2.0, 3.0), first_row=first_row, zero_is_hole=True
-    )  # type: ignore[arg-type]
-    raster = from_image(pixels, config)
-    top, bottom = (3.0, 2.0) if first_row == "top" else (2.0, 3.0)
-    assert height_at(raster, 1.0, top) == pytest.approx(3.0 + 1.01)
-    assert height_at(raster, 2.5, top) == pytest.approx(3.0 + 1.04)
-    assert height_at(raster, 1.0, bottom) == pytest.approx(3.0 + 1.09)
-    assert math.isnan(height_at(raster, 2.5, bottom))
-
-
-def test_occupancy_stands_as_high_as_it_is_certain_and_unknown_is_a_hole() -> None:
-    heights = occupancy_heights(np.array([[0, 50, 100, -1]], np.int8), RasterConfig(scale=2.0, offset=-0.5))
-    assert np.array_equal(heights, np.array([[-0.5, 0.5, 1.5, NAN]], np.float32), equal_nan=True)
-
-
-@given(yaw=st.floats(-3.0, 3.0), resolution=st.floats(0.01, 5.0))
-def test_samples_of_cells_lie_in_their_middles(yaw: float, resolution: float) -> None:
-    raster = from_cells(np.zeros((4, 6), np.float32), corner=(1.0, 2.0, 3.0), yaw=yaw, resolution=resolution)
-    turn = complex(math.cos(yaw), math.sin(yaw))
-    first = complex(1.0, 2.0) + complex(0.5, 0.5) * resolution * turn
-    assert raster.geometry.origin == pytest.approx((first.real, first.imag, 3.0))
-    assert raster.geometry.yaw == yaw
 
 
 @given(

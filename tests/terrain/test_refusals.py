@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import Box, Deck, GridGeometry, HeightMap, HeightScan, InputError, Material, MotionConfig, Terrain
-from smartmesh_ros.io.rasters import RasterConfig, from_grid_map, occupancy_heights
 from smartmesh_ros.terrain.surface_query import checked_points, checked_rays
 from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from tests.grounds import terrain_of
@@ -26,7 +25,6 @@ ONES = np.ones((9, 12))
 
 scan = partial(HeightScan.of, "isaac_lab")
 geometry = partial(GridGeometry, **{"rows": 10, "columns": 10, "resolution": 0.1})
-grid_map = partial(from_grid_map, np.zeros((5, 4)), centre=(0.0, 0.0), resolution=1.0, config=RasterConfig())
 
 
 def rays(origins: Any, directions: Any = DOWN, reach: float = 1.0) -> object:
@@ -54,10 +52,6 @@ def deck_move(*pose: Any, **given: Any) -> None:
 def layer(name: str) -> Callable[..., object]:
     """A maker of a map whose material has this layer."""
     return lambda given: flat(material=Material(**{name: given}))
-
-
-def occupancy(percent: int) -> object:
-    return occupancy_heights(np.array([[percent]], np.int8), RasterConfig())
 
 
 FERRY = terrain_of(ferry=Deck(flat()))
@@ -142,8 +136,6 @@ REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
     (mesh, "index"): [((PLACES, [corners]), "a triangle uses") for corners in ([0, 1, 48], [0, 1, -1], [0, 1, 1])],
     (mesh, "type"): [((PLACES, [[0.0, 1.0, 2.0]]), "whole numbers")],
     (mesh, "non_finite"): [((PLACES * NAN,), "not finite"), ((np.ma.masked_equal(PLACES, PLACES[5, 2]),), "finite")],
-    (grid_map, "region"): [({"start": start}, "circular buffer") for start in ((5, 0), (0, 4), (65535, 0))],
-    (occupancy, "occupancy"): [((101,), "101")],
 }  # fmt: skip
 
 

@@ -51,6 +51,14 @@ def test_ground_that_slides_goes_on_when_its_next_map_comes_very_soon() -> None:
     assert motion(before, at(0.03, 1.2)) == STILL
 
 
+def test_ground_that_rested_slides_from_its_last_map_on() -> None:
+    """Not from where it rested first, of which its motion would be a share."""
+    terrain = Terrain(at(0.0, 0.0))
+    for time, x in ((0.1, 0.0), (0.2, 0.0), (0.3, 0.03)):
+        terrain.put("", at(x, time))
+    assert terrain.tiles[""].track.motion == pytest.approx((0.3, 0.0, 0.0))
+
+
 def test_a_place_that_is_told_every_other_map_tells_the_motion_all_the_same() -> None:
     """Of 0.02 m/s: 0.67 hundredths of a cell with every second map."""
     terrain, rate = Terrain(at(0.0, 0.0)), 60.0

@@ -104,6 +104,9 @@ def test_it_moves_as_commanded_and_its_odometry_says_so(name: str, linear: float
         if not angular:
             np.testing.assert_allclose([x, y] - before[:2], [2.0 * linear, 0.0], atol=0.005 * abs(linear))
             assert (found.x - then.x, found.linear) == pytest.approx((2.0 * linear, linear), rel=0.005)
+        if linear and angular and name != "axle behind":  # the way of a turn points to the middle of its headings
+            way = math.atan2((found.y - then.y) * linear, (found.x - then.x) * linear)
+            assert math.remainder(way - 0.5 * (then.yaw + found.yaw), math.tau) == pytest.approx(0.0, abs=5e-4)
         if len(base.config.wheels) == 2 and not base.config.steering:  # without slip
             chord = math.dist((then.x, then.y), (found.x, found.y))
             assert chord == pytest.approx(math.dist(before[:2], (x, y)), abs=0.04)

@@ -11,8 +11,10 @@ import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, HeightScan, HeightScanner, MotionConfig, Sphere, Terrain, World
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.ground.quaternions import product
 from smartmesh_ros.terrain.height_scan import LAYOUTS
 from smartmesh_ros.terrain.trimesh import TriangleMesh
+from tests.bodies import about_y, about_z
 from tests.core import mesh_parts
 from tests.grounds import level
 
@@ -66,8 +68,7 @@ GROUNDS = {
 
 def turned(x: float, y: float, z: float, yaw: float, tilt: float = 0.0) -> BodyState:
     """A state turned by ``yaw`` after a ``tilt`` about y, which leaves the yaw as it is."""
-    c, s, a, b = math.cos(0.5 * yaw), math.sin(0.5 * yaw), math.cos(0.5 * tilt), math.sin(0.5 * tilt)
-    return BodyState((x, y, z), (-s * b, c * b, s * a, c * a))
+    return BodyState((x, y, z), product(about_z(yaw), about_y(tilt)))
 
 
 @pytest.mark.parametrize("ground", GROUNDS)

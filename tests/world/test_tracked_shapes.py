@@ -98,18 +98,6 @@ def test_its_contact_with_the_ground_is_that_of_its_lowest_point(shape: Solid, t
             assert not contacts(-2.0), "it is below the deck"
 
 
-def test_another_shape_replaces_it_and_a_snapshot_keeps_it() -> None:
-    with World(level()) as world, World(level()) as other:
-        for shape in SHAPES:
-            world.track("it", shape, BodyState((0.0, 0.0, 1.0), linear=(0.1, 0.0, 0.0)))
-            assert world.bodies["it"].shape == shape
-            world.step()
-            other.restore(world.save())
-            assert other.bodies["it"].shape == shape
-            assert other.bodies["it"].tracked
-            assert other.snapshot().hash == world.snapshot().hash
-
-
 ARM = urdfs.robot(
     urdfs.link("base", urdfs.box((0.4, 0.4, 0.2)), 5.0, (0.4, 0.4, 0.2), at="0 0 0.1"),
     urdfs.link("arm", '<cylinder radius="0.05" length="1.0"/>', 1.0, 0.1, at="0.5 0 0", rpy="0 1.5707963267948966 0"),

@@ -17,6 +17,7 @@ from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.testing import pose_message
+from tests.urdfs import robot
 
 pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")
 
@@ -33,10 +34,6 @@ BOX = '<geometry><box size="1 1 0.4"/></geometry>'
 LINK = f'<link name="b"><visual>{BOX}</visual></link>'
 MESHES = '<link name="b"><visual><geometry><mesh filename="{}"/></geometry></visual><collision>' + BOX
 JOINT = '<joint name="j" type="spherical"><origin xyz="0 0 1"/><parent link="b"/><child link="arm"/></joint>'
-
-
-def robot(links: str) -> str:
-    return f'<robot name="r">{links}</robot>'
 
 
 def at(x: float, y: float, z: float) -> Pose:
@@ -159,18 +156,6 @@ def test_each_robot_is_where_its_own_frame_is_also_when_it_comes_again(server: A
             assert labels[name].position == pytest.approx((x, 0.5 * x, 1.2 + GAP))
 
 
-def test_a_box_is_drawn_where_its_centre_is(server: Any) -> None:
-    """Beside the centre of mass, and turned with the body."""
-    sight, size = Sight(), [0.4, 0.2, 0.2]
-    described = BodyDescription(id="hand", tracked=True, shape=BodyDescription.BOX, dimensions=size)
-    tell(sight, "body_descriptions", [described])
-    pose = pose_message((1.0, 2.0, 3.0), yaw=0.5 * math.pi)
-    body = TrackedBody(id="hand", pose=pose, shape=TrackedBody.SHAPE_BOX, dimensions=size, centre=[0.25, 0.0, 0.5])
-    tell(sight, "tracked_bodies", [body])
-    [box] = batches(server, sight)
-    np.testing.assert_allclose(box.batched_positions, [[1.0, 2.25, 3.5]], atol=1e-6)
-
-
 @pytest.mark.parametrize(
     ("urdf", "file", "fault"),
     [("", "/gone.urdf", "its file /gone.urdf is gone from the node"), ("<robot", "", "cannot be read (unclosed")],
@@ -178,15 +163,16 @@ def test_a_box_is_drawn_where_its_centre_is(server: Any) -> None:
 def test_a_robot_that_cannot_be_drawn_is_the_box_around_its_links_and_the_page_says_why(
     server: Any, drawn: Any, urdf: str, file: str, fault: str
 ) -> None:
-    """The node describes a robot anew, then without its text, when another body comes."""
+    """Beside its centre of mass, and turned with it. The node describes a robot anew, then without its text, when
+    another body comes."""
     sight, scene = Sight(), Scene(server)
     described = BodyDescription(id="r", shape=BodyDescription.ROBOT, urdf=urdf, urdf_file=file)
     tell(sight, "body_descriptions", [described])
-    state = TrackedBody(id="r", pose=pose_message((1.0, 2.0, 3.0)), shape=TrackedBody.SHAPE_BOX)
+    state = TrackedBody(id="r", pose=pose_message((1.0, 2.0, 3.0), 0.5 * math.pi), shape=TrackedBody.SHAPE_BOX)
     state.dimensions, state.centre = [0.5, 0.25, 1.0], [0.25, 0.0, 0.5]
     tell(sight, "body_states", [state])
     [box] = batches(server, sight, scene)
-    assert box.batched_positions.tolist() == [[1.25, 2.0, 3.5]]
+    np.testing.assert_allclose(box.batched_positions, [[1.0, 2.25, 3.5]], atol=1e-6)
     assert np.ptp(box.vertices, axis=0).tolist() == [0.5, 0.25, 1.0]
     assert drawn["/labels/r"].visible
     [words] = scene.faults
