@@ -58,6 +58,7 @@ void Narrowphase::touch_ground(const Slot& slot, const Convex& shape, const Pose
   const double step = approach.duration;
   search_.find(shape, pose, *now_.terrain, now_.time, approach.with_margin(slot.near.spread * step), contacts_);
   choose_contacts(shape, pose, approach, before_, contacts_);
+  search_.find_rotations(contacts_);
   if (search_.has_decks()) carried_.let_yield(contacts_);
   const bool has_material = now_.terrain->has_material();
   if (has_material)

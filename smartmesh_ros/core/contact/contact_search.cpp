@@ -118,8 +118,16 @@ void ContactSearch::run(const Convex& shape, const Pose& pose, Tiles& tiles, dou
     patch->finish();
     const std::size_t first = contacts.size();
     find_contacts(shape, pose, *patch, approach, grown, contacts);
-    for (std::size_t k = first; k < contacts.size(); ++k) contacts[k].ground = patch->motion_at(contacts[k].point);
+    for (std::size_t k = first; k < contacts.size(); ++k) {
+      contacts[k].ground.velocity = patch->velocity_at(contacts[k].point);
+      contacts[k].on_mesh = patch == &meshes;
+    }
   }
+}
+
+void ContactSearch::find_rotations(std::vector<Contact>& contacts) const {
+  for (Contact& contact : contacts)
+    if (contact.deck < 0) contact.ground.angular = (contact.on_mesh ? meshes : maps).angular_velocity_at(contact.point);
 }
 
 }  // namespace smartmesh

@@ -14,6 +14,8 @@ struct ContactSearch {
   // `thickness` [m]: of height maps at their holes and rims.
   void run(const Convex& shape, const Pose& pose, Tiles& tiles, double time, Approach approach,
            std::vector<Contact>& contacts, double thickness = INFINITE);
+  // Finds the angular velocity of the ground at contacts of the last search, but for those on decks.
+  void find_rotations(std::vector<Contact>& contacts) const;
 
   Patch maps, meshes;  // the ground that the last search found
 };

@@ -65,6 +65,7 @@ void GroundContacts::add(const Convex& shape, const Pose& pose, Deck& deck, cons
   deck_search_.run(shape, local, deck.tiles, time, seen_from(frame, near.ground, body), on_deck_, deck.thickness);
   seams_.add(deck_search_, frame.pose);
   if (on_deck_.empty()) return;
+  deck_search_.find_rotations(on_deck_);
   // Where the deck is at the end of the step: a point of it moves along a chord.
   const Pose end = deck.motion.at(time + body.ahead).pose;
   const bool has_material = deck.tiles.has_material();

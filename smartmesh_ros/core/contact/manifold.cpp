@@ -19,7 +19,7 @@ constexpr double SAME_PLACE = 1e-6;
 constexpr int ROUNDS = 8;
 
 struct Candidate {
-  Contact contact;
+  const Contact* contact;
   double closes;           // distance at the end of the step if nothing holds the shape, less `preferred` [m]
   double preferred = 0.0;  // of a contact that was there [m]
 };
@@ -37,8 +37,8 @@ std::vector<Candidate> candidates_of(const Approach& approach, const std::vector
     const double closing = std::max(0.0, -dot(contact.normal, approach.velocity_at(contact))) * approach.duration;
     if (contact.distance <= closing) hardest = std::max(hardest, closing);
     const auto other =
-        std::find_if(found.begin(), found.end(), [&](const Candidate& c) { return same(contact, c.contact); });
-    const Candidate it{contact, contact.distance - closing};
+        std::find_if(found.begin(), found.end(), [&](const Candidate& c) { return same(contact, *c.contact); });
+    const Candidate it{&contact, contact.distance - closing};
     if (other == found.end())
       found.push_back(it);
     else if (it.closes < other->closes)
@@ -53,7 +53,7 @@ std::vector<Candidate> candidates_of(const Approach& approach, const std::vector
 void prefer(const std::vector<OldContact>& before, double preference, std::vector<Candidate>& found) {
   for (Candidate& each : found) {
     const auto is_it = [&](const OldContact& old) {
-      return old.body_feature == each.contact.body_feature && old.ground_feature == each.contact.ground_feature;
+      return old.body_feature == each.contact->body_feature && old.ground_feature == each.contact->ground_feature;
     };
     if (std::any_of(before.begin(), before.end(), is_it)) each.preferred = preference, each.closes -= preference;
   }
@@ -74,23 +74,23 @@ class HeldBody {
   }
 
   void hold(const Contact& contact) {
-    held_.push_back({contact, 0.0});
+    held_.push_back({&contact, 0.0});
     for (int round = 0; round < ROUNDS; ++round)
       for (Held& each : held_) push(each);
   }
 
  private:
   struct Held {
-    Contact contact;
+    const Contact* contact;
     double impulse;
   };
 
   // Changes an impulse so that its contact gets no deeper, and stays outside the ground if it is there.
   void push(Held& held) {
-    const Vec3 &n = held.contact.normal, arm = cross(held.contact.point - motion_.centre, n);
+    const Vec3 &n = held.contact->normal, arm = cross(held.contact->point - motion_.centre, n);
     const Vec3 local = transposed(rotation_, arm);
     const Vec3 spin = rotation_ * Vec3{local.x * ease_.x, local.y * ease_.y, local.z * ease_.z};
-    const double over = distance(held.contact) - std::min(held.contact.distance, 0.0);
+    const double over = distance(*held.contact) - std::min(held.contact->distance, 0.0);
     const double impulse = std::max(held.impulse - over / (motion_.duration * (1.0 + dot(arm, spin))), 0.0);
     motion_.linear = motion_.linear + n * (impulse - held.impulse);
     motion_.angular = motion_.angular + spin * (impulse - held.impulse);
@@ -117,9 +117,9 @@ class Choice {
   // Adds those that get deepest although those before hold the shape.
   void add_deepest(HeldBody body) {
     while (chosen_.size() < MOST_CONTACTS) {
-      body.hold(found_[chosen_.back()].contact);
+      body.hold(*found_[chosen_.back()].contact);
       const int next = best(1e300, [&](const Candidate& c) {
-        const double distance = body.distance(c.contact);
+        const double distance = body.distance(*c.contact);
         return distance < -preference_ ? c.preferred - distance : 0.0;
       });
       if (next < 0) return;
@@ -129,18 +129,19 @@ class Choice {
 
   // Adds those that span the largest area, of those that close nearly as much as the first if there are any.
   void add_widest() {
-    const Vec3 origin = first().contact.point, normal = first().contact.normal;
-    add([&](const Candidate& c) { return norm2(c.contact.point - origin); });
+    const Vec3 &origin = first().contact->point, &normal = first().contact->normal;
+    add([&](const Candidate& c) { return norm2(c.contact->point - origin); });
     if (chosen_.size() == 1) return;
-    const Vec3 along = found_[chosen_[1]].contact.point - origin;
-    const auto side = [&](const Candidate& c) { return dot(cross(along, c.contact.point - origin), normal); };
+    const Vec3 along = found_[chosen_[1]].contact->point - origin;
+    const auto side = [&](const Candidate& c) { return dot(cross(along, c.contact->point - origin), normal); };
     add(side);
     add([&](const Candidate& c) { return -side(c); });
   }
 
-  void write(std::vector<Contact>& contacts) const {
-    contacts.clear();
-    for (int k : chosen_) contacts.push_back(found_[k].contact);
+  std::vector<Contact> chosen() const {
+    std::vector<Contact> contacts;
+    for (int k : chosen_) contacts.push_back(*found_[k].contact);
+    return contacts;
   }
 
  private:
@@ -178,17 +179,18 @@ class Choice {
 void choose_contacts(const Convex& shape, const Pose& pose, const Approach& approach,
                      const std::vector<OldContact>& before, std::vector<Contact>& contacts) {
   std::vector<Candidate> found = candidates_of(approach, contacts);
-  contacts.clear();
+  std::vector<Contact> chosen;
   if (found.size() <= MOST_CONTACTS) {
-    for (const Candidate& each : found) contacts.push_back(each.contact);
-    return;
+    for (const Candidate& each : found) chosen.push_back(*each.contact);
+  } else {
+    const double preference = PREFERENCE * shape.bounding_radius;
+    prefer(before, preference, found);
+    Choice choice(found, preference);
+    if (choice.is_hit()) choice.add_deepest(HeldBody(shape, pose, approach));
+    choice.add_widest();
+    chosen = choice.chosen();
   }
-  const double preference = PREFERENCE * shape.bounding_radius;
-  prefer(before, preference, found);
-  Choice choice(found, preference);
-  if (choice.is_hit()) choice.add_deepest(HeldBody(shape, pose, approach));
-  choice.add_widest();
-  choice.write(contacts);
+  contacts.assign(chosen.begin(), chosen.end());
 }
 
 const OldContact* matching(const Contact& contact, const std::vector<OldContact>& before, double ago) {

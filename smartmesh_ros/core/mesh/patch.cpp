@@ -40,11 +40,9 @@ void Patch::finish() {
   cells.peaks = {0, static_cast<int>(peaks.size())};
 }
 
-GroundMotion Patch::motion_at(const Vec3& p) const {
-  if (velocities.empty()) return {};
+const Facet* Patch::nearest_facet(const Vec3& p, double (&shares)[3]) const {
   const Facet* nearest = nullptr;
-  Vec3 velocity;
-  double least = 1e300, inside = 0.0, weights[3];
+  double least = 1e300, weights[3];
   const auto look = [&](int first, int end) {
     for (int f = first; f < end; ++f) {
       const auto& [k, normal, size] = facets[f];
@@ -52,15 +50,30 @@ GroundMotion Patch::motion_at(const Vec3& p) const {
       if (from_plane * from_plane >= least) continue;
       const double distance2 = nearest_weights(p, points[k[0]], points[k[1]], points[k[2]], normal, weights);
       if (distance2 >= least) continue;
-      least = distance2, nearest = &facets[f], inside = std::min({weights[0], weights[1], weights[2]});
-      velocity = velocities[k[0]] * weights[0] + velocities[k[1]] * weights[1] + velocities[k[2]] * weights[2];
+      least = distance2, nearest = &facets[f];
+      std::copy(weights, weights + 3, shares);
     }
   };
   const CellRange here = cells.near(p.x, p.y, 0.0, 0.0);
   if (!here.empty()) look(cells.facets[cells.at(here.top, here.left)], cells.facets[cells.at(here.top, here.left) + 1]);
   if (least > NEAR * NEAR) look(0, static_cast<int>(facets.size()));
-  if (nearest == nullptr) return {velocity, {}};
-  return {velocity, inside > AT_EDGE ? angular_velocity(*nearest) : angular_velocity_around(p, *nearest)};
+  return nearest;
+}
+
+Vec3 Patch::velocity_at(const Vec3& p) const {
+  double shares[3];
+  const Facet* nearest = velocities.empty() ? nullptr : nearest_facet(p, shares);
+  if (nearest == nullptr) return {};
+  const auto& k = nearest->corner;
+  return velocities[k[0]] * shares[0] + velocities[k[1]] * shares[1] + velocities[k[2]] * shares[2];
+}
+
+Vec3 Patch::angular_velocity_at(const Vec3& p) const {
+  double shares[3];
+  const Facet* nearest = velocities.empty() ? nullptr : nearest_facet(p, shares);
+  if (nearest == nullptr) return {};
+  return std::min({shares[0], shares[1], shares[2]}) > AT_EDGE ? angular_velocity(*nearest)
+                                                               : angular_velocity_around(p, *nearest);
 }
 
 Vec3 Patch::angular_velocity_around(const Vec3& p, const Facet& nearest) const {

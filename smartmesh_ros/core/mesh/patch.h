@@ -70,11 +70,14 @@ struct Patch {
 
   // Makes all features one cell, if they are not divided, and finds the highest point.
   void finish();
-  // Returns the motion of the ground at a point of it, by the facet nearest to the point; on edges and corners the
-  // angular velocity is the mean of those of the facets there.
-  GroundMotion motion_at(const Vec3& p) const;
+  // Returns the velocity of the ground at a point of it, by the facet nearest to the point [m/s].
+  Vec3 velocity_at(const Vec3& p) const;
+  // Returns the angular velocity of the facet nearest to a point; on edges and corners the mean of those there [rad/s].
+  Vec3 angular_velocity_at(const Vec3& p) const;
   // Returns the number of the mesh that a facet belongs to, from 1, 0 = height maps.
   long mesh_of(const Facet& facet) const { return is_mesh ? names[facet.corner[0]] >> MESHES_NAMED : 0; }
+  // Returns the facet nearest to a point, and the weights of its corners there; null: there is none.
+  const Facet* nearest_facet(const Vec3& p, double (&shares)[3]) const;
   // Returns the angular velocity of a facet [rad/s].
   Vec3 angular_velocity(const Facet& facet) const;
   // Returns the mean angular velocity of the facets that a point lies on, else that of the nearest [rad/s].

@@ -243,26 +243,23 @@ class CellAdder {
     patch_.edges.push_back(edge);
   }
 
-  // Returns the height of a neighbour of a sample, NaN if they share no facet.
-  double neighbour(int r, int c, int k) const {
-    const auto around = [&](int j) { return height(r + AROUND[j % 6][0], c + AROUND[j % 6][1]); };
-    const bool has_facet = !std::isnan(around(k + 1)) || !std::isnan(around(k + 5));
-    return has_facet ? around(k) : NONE;
-  }
-
   void add_peak(int r, int c) {
     const double z = height(r, c);
     if (std::isnan(z)) return;
+    double around[6], neighbours[6];  // NaN: they share no facet
+    for (int k = 0; k < 6; ++k) around[k] = height(r + AROUND[k][0], c + AROUND[k][1]);
+    for (int k = 0; k < 6; ++k)
+      neighbours[k] = std::isnan(around[(k + 1) % 6]) && std::isnan(around[(k + 5) % 6]) ? NONE : around[k];
     bool convex = false;
     for (int k = 0; k < 3; ++k) {
-      const double pair = neighbour(r, c, k) + neighbour(r, c, k + 3);
+      const double pair = neighbours[k] + neighbours[k + 3];
       if (pair > 2.0 * z + CONVEX) return;
       convex |= !(pair >= 2.0 * z - CONVEX);  // a missing neighbour makes an edge of the ground
     }
     if (!convex) return;
     Peak peak{point(r, c), static_cast<int>(patch_.neighbours.size()), 0};
     for (int k = 0; k < 6; ++k) {
-      if (std::isnan(neighbour(r, c, k))) continue;
+      if (std::isnan(neighbours[k])) continue;
       patch_.neighbours.push_back(point(r + AROUND[k][0], c + AROUND[k][1])), ++peak.count;
     }
     if (peak.count == 0) return;

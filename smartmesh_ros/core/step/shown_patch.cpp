@@ -226,8 +226,8 @@ bool ShownPatches::read_meshes(ShownPatch& patch, double time) {
   for (int k : used) patch.points.push_back(found_.points[k]), mean = mean + found_.points[k] * (1.0 / used.size());
   const auto away = [&](int k) { return std::hypot(found_.points[k].x - mean.x, found_.points[k].y - mean.y); };
   const int middle = *std::min_element(used.begin(), used.end(), [&](int a, int b) { return away(a) < away(b); });
-  const GroundMotion motion = found_.motion_at(found_.points[middle]);
-  patch.linear = motion.velocity, patch.angular = motion.angular;
+  patch.linear = found_.velocity_at(found_.points[middle]);
+  patch.angular = found_.angular_velocity_at(found_.points[middle]);
   patch.tile = static_cast<int>(found_.names[middle] >> NAME_BITS) - 1;
   patch.row = 0, patch.column = static_cast<int>(found_.names[middle] & ((1L << NAME_BITS) - 1));
   return true;
