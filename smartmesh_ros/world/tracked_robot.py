@@ -68,15 +68,18 @@ class TrackedRobot:
         return [part.name for part in self._parts]
 
     def move(self, joints: Mapping[str, tuple[float, float]]) -> None:
-        """Set positions and velocities of some joints [rad, rad/s or m, m/s]. Raises `InputError` if there is no such
-        joint, or a number is not finite."""
+        """Set positions and velocities of some joints [rad, rad/s or m, m/s]. Raises `InputError` as `require`."""
+        self.require(joints)
+        self._values |= joints
+
+    def require(self, joints: Mapping[str, tuple[float, float]]) -> None:
+        """Raise `InputError` if there is no such joint, or a number is not finite."""
         for joint, values in joints.items():
             if joint not in self._columns:
                 there = ", ".join(self._columns) or "none"
                 raise InputError("unknown_joint", f"the tracked robot has no joint {joint!r}; it has {there}")
             if not all(map(math.isfinite, values)):
                 raise InputError("non_finite", f"joint {joint!r} is at {values}; both must be finite")
-        self._values |= joints
 
     def parts(self, root: BodyState) -> Iterator[TrackedPart]:
         """Yield the parts for a ``state`` of the root link's frame, with their velocities: those of the root and of the

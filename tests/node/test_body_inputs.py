@@ -303,6 +303,17 @@ def test_a_tracked_robot_follows_its_root_and_its_joints(tmp_path: Path) -> None
         assert node.world.state("rig.base").position[0] < 1.5, "no part moves without the others"
 
 
+def test_joints_of_several_tracked_robots_are_taken_together(tmp_path: Path) -> None:
+    file = tmp_path / "arm.urdf"
+    file.write_text(TRACKED_ARM)
+    shapes = [f"{{body: {name}, urdf: {file}}}" for name in ("rig", "twin")]
+    with fed({"bodies.shapes": shapes, "bodies.odometry": ["rig=/rig"], "frame_id": "map"}) as node:
+        bad = JointState(name=["rig/yaw", "twin/yaw"], position=[0.5, math.nan])
+        node.require_refused("tracked_joint_states", [("non_finite", bad)])
+        node.give("/rig", stamped(node, Odometry()), 0)
+        assert abs(node.world.state("rig.hand").position[1]) < 1e-4, "one robot moved its joints without the other"
+
+
 def test_bodies_and_robots_of_a_message_find_room_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """None of them is there if there is no room for all; parts that are there need no more of it."""
     monkeypatch.setattr(session, "MOST_BODIES", 3)

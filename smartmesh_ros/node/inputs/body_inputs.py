@@ -160,7 +160,10 @@ class BodyInputs:
     def _on_tracked_joints(self, message: JointState) -> None:
         """Moves the joints of tracked robots, which take their places with the next pose of the root link."""
         known = {name: robot.joints for name, robot in self._robots.items()}
-        for name, joints in tracked_joints_from(message, known).items():
+        moved = tracked_joints_from(message, known)
+        for name, joints in moved.items():
+            self._robots[name].require(joints)
+        for name, joints in moved.items():
             self._robots[name].move(joints)
 
     def _drive(self, base: Base, twist: Twist) -> None:
