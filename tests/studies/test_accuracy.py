@@ -9,7 +9,7 @@ import pytest
 
 from smartmesh_ros import GridGeometry, InputError
 from smartmesh_ros.tools.evaluation.clearance import clearances
-from smartmesh_ros.tools.evaluation.grounds import GROUNDS, make_ground
+from smartmesh_ros.tools.evaluation.grounds import make_ground
 from smartmesh_ros.tools.evaluation.scene import Bodies, Scene, read_scene, read_scenes
 from studies import accuracy, contest
 from studies.accuracy import BodyContest, run_scene
@@ -92,15 +92,6 @@ def test_bodies_start_on_the_ground_and_not_in_it(scene) -> None:  # type: ignor
     found = clearances(surface, scene.bodies.make_shape(), positions, orientations, reach=2.0)
     assert (found > -0.1 * scene.bodies.make_shape().bounding_radius).all()
     assert (found < scene.bodies.drop + 0.5 * scene.bodies.make_shape().bounding_radius + 1e-6).all()
-
-
-@pytest.mark.parametrize("kind", GROUNDS)
-def test_every_ground_is_finite_at_every_time(kind: str) -> None:
-    ground = make_ground(GridGeometry(rows=31, columns=41, resolution=0.1), kind)
-    for time in (0.0, 0.3, 1.0, 5.0):
-        heights = ground.heights(time)
-        assert heights.shape == (31, 41)
-        assert np.isfinite(heights).all()
 
 
 def test_the_elevation_model_is_the_same_terrain_at_every_resolution() -> None:
