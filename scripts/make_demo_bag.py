@@ -4,7 +4,6 @@ wheels, and beside the bag a parameter file with the demo's bodies.
 scripts/workspace run dev -- python scripts/make_demo_bag.py out/demo_bag
 """
 
-import argparse
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +14,7 @@ from sensor_msgs.msg import JointState
 
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.scenes.eight import robot_file
+from smartmesh_ros.startup.arguments import Parser
 from smartmesh_ros.tools.demo.demo import PLACES, ROBOT, SOURCE, WHEELS
 from smartmesh_ros.tools.demo.terrain_source import SPECS, make_scene
 from smartmesh_ros.tools.testing import bags, heightmap_message
@@ -60,6 +60,6 @@ def write(path: Path) -> Path:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__)
     parser.add_argument("path", type=Path, help="folder of the bag, which does not exist yet")
     write(parser.parse_args().path)
