@@ -11,13 +11,14 @@ from typing import Any
 
 import yaml
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.scenes.eight import robot_file
 from smartmesh_ros.startup.arguments import Parser
 from smartmesh_ros.tools.demo.demo import PLACES, ROBOT, SOURCE, WHEELS
-from smartmesh_ros.tools.demo.terrain_source import SPECS, make_scene
-from smartmesh_ros.tools.testing import bags, heightmap_message
+from smartmesh_ros.tools.demo.terrain_source import SPECS, make_scene, map_of
+from smartmesh_ros.tools.testing import bags
 
 START = 1_700_000_000.0  # stamps in the past, like those of a recorded bag [s]
 SECONDS = 8.0  # length of the bag [s]
@@ -30,12 +31,10 @@ def messages(seconds: float) -> Iterator[tuple[str, float, Any]]:
     """Yield (topic, time [s], message) in the order of time."""
     scene = make_scene({**{spec.name: spec.default for spec in SPECS}, **SOURCE})
     rate = float(SOURCE["rate"])  # type: ignore[arg-type]
-    place = scene.geometry
     for number in range(math.floor(seconds * rate)):
         time = START + number / rate
-        heights, stamp = scene.heights(number / rate), stamp_of(time)
-        message = heightmap_message(heights, resolution=place.resolution, origin=place.origin, stamp=stamp)
-        yield "/terrain_collider/heightmap", time, message
+        header = Header(stamp=stamp_of(time), frame_id="map")
+        yield "/terrain_collider/heightmap", time, map_of(header, scene.geometry, scene.heights(number / rate))
         if number % round(rate / COMMAND_RATE) == 0:
             command = JointState(name=WHEELS, velocity=[WHEEL_SPEED] * len(WHEELS))
             yield "/terrain_collider/joint_commands", time, command
