@@ -54,7 +54,7 @@ PLACES = [
 # What the demo must receive.
 RECEIVED = (
     "patches", "collider_patches", "body_states", "contacts", "joint_states", "odometry", "timing", "body_descriptions",
-    "diagnostics",
+    "diagnostics", "heightmap",
 )  # fmt: skip
 
 
