@@ -10,20 +10,18 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.scenes.eight import robot_file
 from smartmesh_ros.startup.arguments import Parser
-from smartmesh_ros.tools.demo.demo import PLACES, ROBOT, SOURCE, WHEELS
+from smartmesh_ros.tools.demo.demo import DRIVE, PLACES, ROBOT, SOURCE
 from smartmesh_ros.tools.demo.terrain_source import SPECS, make_scene, map_of
 from smartmesh_ros.tools.testing import bags
 
 START = 1_700_000_000.0  # stamps in the past, like those of a recorded bag [s]
 SECONDS = 8.0  # length of the bag [s]
 COMMAND_RATE = 4.0
-WHEEL_SPEED = 6.0  # [rad/s]
 SHAPES = ("{shape: sphere, size: [0.25]", "{shape: box, size: [0.6, 0.4, 0.3]", "{shape: cylinder, size: [0.4, 0.25]")
 
 
@@ -36,8 +34,7 @@ def messages(seconds: float) -> Iterator[tuple[str, float, Any]]:
         header = Header(stamp=stamp_of(time), frame_id="map")
         yield "/terrain_collider/heightmap", time, map_of(header, scene.geometry, scene.heights(number / rate))
         if number % round(rate / COMMAND_RATE) == 0:
-            command = JointState(name=WHEELS, velocity=[WHEEL_SPEED] * len(WHEELS))
-            yield "/terrain_collider/joint_commands", time, command
+            yield "/terrain_collider/joint_commands", time, DRIVE
 
 
 def bodies() -> list[str]:

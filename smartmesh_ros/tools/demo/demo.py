@@ -41,6 +41,7 @@ SOURCE = {
 COLLIDER = {"publish.patches": 10.0, "publish.body_states": 10.0}
 ROBOT = "husky"
 WHEELS = [f"{ROBOT}/{place}_wheel" for place in ("front_left", "front_right", "rear_left", "rear_right")]
+DRIVE = JointState(name=WHEELS, velocity=[6.0] * len(WHEELS))  # [rad/s]
 SHAPES = (
     SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.25]),
     SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.6, 0.4, 0.3]),
@@ -96,7 +97,7 @@ class Demo:
 
     def drive(self) -> None:
         """Command the robot's wheels."""
-        self._commands.publish(JointState(name=WHEELS, velocity=[6.0] * len(WHEELS)))
+        self._commands.publish(DRIVE)
 
     def require_nodes(self) -> None:
         """Raise `InputError` if a node has ended."""
