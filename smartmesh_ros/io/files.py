@@ -36,15 +36,15 @@ def load(path: str | Path, config: RasterConfig | None = None, max_samples: int 
     path, config = expanded(path), config or RasterConfig()
     if path.suffix.lower() not in KINDS:
         raise InputError("file", f"{path} has an unknown file type; terrain files end in {', '.join(KINDS)}")
-    if not path.is_file():
-        raise InputError("file", f"there is no file {path}")
     try:
+        if not path.is_file():
+            raise InputError("file", f"there is no file {path}")
         if path.suffix.lower() in GEOREFERENCED:
             return _georeferenced(path, config, max_samples)
         values = _array(path, max_samples) if path.suffix.lower() == ".npy" else _image(path, max_samples)
     except InputError:
         raise
-    except Exception as error:  # noqa: BLE001  # the libraries' errors of spoilt files have no common base
+    except Exception as error:  # noqa: BLE001  # those of the libraries and of the folder have no common base
         raise InputError("file", f"{path} cannot be read: {error}") from None
     return from_image(values, config)
 

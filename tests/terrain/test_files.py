@@ -223,6 +223,7 @@ SPOILT = picture((b"IHDR", struct.pack(">IIBBBBB", 9, 9, 8, 0, 0, 0, 0)), (b"IDA
 # Files that cannot be terrain by name: what writes them, and words of the refusal.
 WRONG: dict[str, tuple[Any, str]] = {
     "absent.npy": (lambda path: None, "there is no file"),
+    f"{300 * 'n'}.npy": (lambda path: None, "cannot be read"),
     "map.stl": (lambda path: None, "unknown file type"),
     "cube.npy": (array(np.zeros((3, 3, 3))), "shape"),
     "words.npy": (array([["a", "b"], ["c", "d"]]), "real numbers"),

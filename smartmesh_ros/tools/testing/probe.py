@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from time import monotonic
@@ -62,7 +61,7 @@ class Probe:
         self.context = Context()
         rclpy.init(context=self.context)
         self.node = Node("probe", context=self.context)
-        self.received: dict[str, list[Any]] = defaultdict(list)
+        self.received: dict[str, list[Any]] = {}
         self._executor = EventsExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._services: dict[str, Any] = {}
@@ -70,7 +69,6 @@ class Probe:
         self.publishers = {
             topic: self.node.create_publisher(kind, self.topic(topic), 10) for topic, kind in _INPUTS.items()
         }
-        self._listens: set[str] = set()
         for topic, kind in _OUTPUTS.items():
             self.listen(topic, kind)
         self.listen(DIAGNOSTICS, DiagnosticArray)
@@ -94,8 +92,8 @@ class Probe:
     def listen(self, topic: str, kind: Any, qos: Any = 100) -> list[Any]:
         """Subscribe to a topic; return the list to which its messages are appended."""
         name = self.topic(topic)
-        if name not in self._listens:
-            self._listens.add(name)
+        if name not in self.received:
+            self.received[name] = []
             self.node.create_subscription(kind, name, self.received[name].append, qos)
         return self.received[name]
 
@@ -194,7 +192,7 @@ class Probe:
 
     def latest(self, topic: str) -> Any:
         """Wait for the next message of an output (below the collider's name, or a full name); return it."""
-        if (name := self.topic(topic)) not in self._listens:
+        if (name := self.topic(topic)) not in self.received:
             [kind] = self.wait_for(lambda: dict(self.node.get_topic_names_and_types()).get(name))
             self.listen(topic, class_of(kind))
         messages = self.received[name]
