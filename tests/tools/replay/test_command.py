@@ -179,6 +179,8 @@ def test_a_bag_of_one_instant_is_replayed_like_any_other(tmp_path: Path, capsys:
         (["-p", "physics.rate:=fast"], "physics.rate is 'fast'"),
         (["--params-file", "missing.yaml"], "missing.yaml is no parameter file"),
         (["--until", "-1"], "--until is -1"),
+        (["--topics", "a b"], "topic name '~/a b' is invalid: topic name must not contain characters other than"),
+        (["--topics", ""], "topic name '~/' is invalid"),
         (["-o", "/nowhere/out.mcap"], "/nowhere/out.mcap cannot be written: No such file or directory"),
     ],
 )
