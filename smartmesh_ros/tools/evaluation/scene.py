@@ -135,12 +135,12 @@ def lowest(surface: Surface, shape: Shape, xy: FloatArray) -> FloatArray:
 
 
 def read_scene(path: Path) -> Scene:
-    """Return the scene of a YAML file; raises `InputError` for missing or unknown fields."""
-    loaded = yaml.safe_load(path.read_text())
+    """Return the scene of a YAML file; raises `InputError` if it is none, or for missing or unknown fields."""
     try:
+        loaded = yaml.safe_load(path.read_text())
         bodies = Bodies(**_as_tuples(loaded.pop("bodies", {})))
         return Scene(name=path.stem, bodies=bodies, **_as_tuples(loaded))
-    except (AttributeError, TypeError) as error:
+    except (AttributeError, TypeError, OSError, ValueError, yaml.YAMLError) as error:
         raise InputError("scene", f"{path.name} is no scene such as {FOLDER}/flat.yaml: {error}") from None
 
 

@@ -138,6 +138,7 @@ def test_a_signal_ends_the_search_and_its_processes(tmp_path: Path) -> None:
     [
         (["flat", "--budget", "0"], "--budget is 0; it must be a number greater than zero"),
         (["flat", "--jobs", "0"], "--jobs is 0"),
+        (["flat", "-p", "physics.rate:=fast"], "physics.rate is 'fast'; it must be of type float"),
         (["flat", "--preset", "swift"], "there is no preset 'swift'; choose accurate"),
         (["flat", "--out", "/proc/nowhere"], "nothing can be written in /proc/nowhere"),
         (["nowhere"], "no bag and no scene 'nowhere'; the scenes are crater"),
