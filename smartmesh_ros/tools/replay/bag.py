@@ -68,6 +68,8 @@ class Bag(Source):
             raise InputError("bag", f"{self.path} is no bag: it has no metadata.yaml (there is: {there})")
         try:
             self.topics = self._of_folder() if folder else self._of_file()
+        except ModuleNotFoundError:  # rosbags
+            raise
         except Exception as error:  # noqa: BLE001  # those of rosbags, SQLite and YAML have no common base
             raise InputError("bag", f"{path} is no bag, or it is damaged: {_words(error)}") from None
 

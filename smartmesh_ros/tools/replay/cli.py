@@ -99,9 +99,9 @@ def _run(options: argparse.Namespace) -> int:
     if options.output is not None:
         from smartmesh_ros.tools.replay.mcap_file import McapFile
 
-        file = McapFile(options.output)
-    if file is not None and file.path.exists() and bag.path.resolve() in (place := file.path.resolve(), place.parent):
-        raise InputError("file", f"-o {file.path} is the bag itself, or one of its files; name another file")
+        file, place = McapFile(options.output), options.output.resolve()
+        if place.exists() and bag.path.resolve() in (place, place.parent):
+            raise InputError("file", f"-o {file.path} is the bag itself, or one of its files; name another file")
     with Replay(bag, parameters, remap=rules, file=file, topics=options.topics, say=line.say) as replay:
         if unknown := sorted({*map(replay.names.full, options.topics)} - replay.outputs):
             there = ", ".join(sorted(replay.outputs))

@@ -6,7 +6,7 @@ import math
 from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -82,7 +82,7 @@ def open_case(
         length = min(seconds or LONGEST, bag.end - replay.clock.start)
     if length < 0.1:
         raise bag.refusal("length", f"{length:.3g} s of messages for the node; record at least 0.1 s of maps")
-    return Case(source=bag.path, title=probe.title, length=length, settle=min(0.5, 0.25 * length), **common)
+    return replace(probe, length=length, settle=min(0.5, 0.25 * length))
 
 
 def maps_of(scene: Scene) -> list[tuple[str, float, Any]]:

@@ -3,6 +3,7 @@
 import os
 import signal
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -159,6 +160,14 @@ def test_no_bag_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
         assert "is the bag itself, or one of its files" in words_of(capsys, bag, "-o", single)
     assert "is a folder; name a file" in words_of(capsys, single, "-o", tmp_path)
     assert main([str(single), "-o", str(tmp_path / "out.mcap")]) == 0
+
+
+def test_a_package_that_is_missing_is_named(bag: str, capsys: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And does not count as damage of the bag."""
+    for name in [name for name in sys.modules if name.partition(".")[0] == "rosbags"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr(sys, "path", [])
+    assert words_of(capsys, bag) == "replay needs rosbags: pip install rosbags\n"
 
 
 def test_a_bag_of_one_instant_is_replayed_like_any_other(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

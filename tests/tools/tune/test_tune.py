@@ -101,6 +101,12 @@ def test_ground_that_is_not_followed_is_measured_as_penetration(tmp_path: Path) 
     assert kept.cost > 0.0 and kept.longest > 0.0 and positions.keys() == {"ball", "crate"}
 
 
+def test_steps_as_seldom_as_measurements_are_measured(tmp_path: Path) -> None:
+    case = open_case(recorded(tmp_path / "bag"), {"bodies.spawn": SPAWN}, [], None)
+    for rate in (10.0, 30.0):
+        assert math.isfinite(measure(case, {"physics.rate": rate})[0].penetration)
+
+
 def test_corrected_ground_is_the_one_that_the_node_shows(tmp_path: Path) -> None:
     """Noisy maps of ground at rest: bodies stand on what is shown, which no single map is."""
     rng, path = np.random.default_rng(3), tmp_path / "bag"
