@@ -11,10 +11,11 @@ import numpy as np
 import yaml
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Box, Capsule, Cylinder, Shape, Sphere, shape_from
+from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Shape, Sphere, shape_from
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.scenes.moving import Scene as MovingGround
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.tools.evaluation.clearance import skin
 from smartmesh_ros.tools.evaluation.distance import Surface
 from smartmesh_ros.tools.evaluation.grounds import make_ground
 
@@ -126,8 +127,8 @@ def lowest(surface: Surface, shape: Shape, xy: FloatArray) -> FloatArray:
         dx, dy = dx[keep], dy[keep]
         drop = np.sqrt(np.maximum(reach**2 - dx**2 - dy**2, 0.0))
     else:
-        half = {Box: "z", Cylinder: "height", Capsule: "height"}[type(shape)]
-        drop = np.full(len(dx), 0.5 * getattr(shape, half) + (shape.radius if isinstance(shape, Capsule) else 0.0))
+        body = skin(shape)
+        drop = np.full(len(dx), body.radius - body.points[:, 2].min())
     points = np.zeros((len(xy), len(dx), 3))
     points[..., 0], points[..., 1] = xy[:, :1] + dx, xy[:, 1:] + dy
     ground = surface.below(points.reshape(-1, 3)).reshape(len(xy), -1)
