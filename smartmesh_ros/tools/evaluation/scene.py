@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -136,13 +137,20 @@ def lowest(surface: Surface, shape: Shape, xy: FloatArray) -> FloatArray:
 
 
 def read_scene(path: Path) -> Scene:
-    """Return the scene of a YAML file; raises `InputError` if it is none, or for missing or unknown fields."""
+    """Return the scene of a YAML file; raises `InputError` for missing or unknown fields, and for values that cannot
+    be."""
     try:
         loaded = yaml.safe_load(path.read_text())
         bodies = Bodies(**_as_tuples(loaded.pop("bodies", {})))
-        return Scene(name=path.stem, bodies=bodies, **_as_tuples(loaded))
+        found = Scene(name=path.stem, bodies=bodies, **_as_tuples(loaded))
+        lengths = (*found.grid, *found.slide, *bodies.size, *bodies.spread, *bodies.velocity)
+        numbers = np.array([*lengths, found.map_rate, found.settle, found.samples, bodies.drop, bodies.friction], float)
+        above_zero = 0.0 < found.duration < math.inf and bodies.count > 0
+        if not (above_zero and np.isfinite(numbers).all() and "kind" in {**found.ground}):
+            raise ValueError("numbers must be finite, duration and count above zero, and the ground has a kind")
     except (AttributeError, TypeError, OSError, ValueError, yaml.YAMLError) as error:
         raise InputError("scene", f"{path.name} is no scene such as {FOLDER}/flat.yaml: {error}") from None
+    return found
 
 
 def _as_tuples(mapping: dict[str, Any]) -> dict[str, Any]:
