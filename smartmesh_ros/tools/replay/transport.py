@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections import defaultdict, deque
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 from rclpy.expand_topic_name import expand_topic_name
@@ -52,29 +54,18 @@ class Names:
 
 
 class Log:
-    """The node's logger: ``say`` gets each line. A line with ``throttle_duration_sec`` [s] is left out for so long
-    after the last one from the same place of the code."""
+    """The node's logger, with ``info``, ``warning`` and ``error`` as of rclpy's: ``say`` gets each line. A line with
+    ``throttle_duration_sec`` [s] is left out for so long after the last one from the same place of the code."""
 
     def __init__(self, clock: ReplayClock, say: Callable[[str], None]) -> None:
         self._clock, self._say = clock, say
         self._said: dict[tuple[Any, int], float] = {}
-
-    def info(self, text: str, **options: Any) -> None:
-        """Log what is good to know."""
-        self._add("INFO", text, **options)
-
-    def warning(self, text: str, **options: Any) -> None:
-        """Log what may be wrong."""
-        self._add("WARN", text, **options)
-
-    def error(self, text: str, **options: Any) -> None:
-        """Log what is wrong."""
-        self._add("ERROR", text, **options)
+        self.info, self.warning, self.error = (partial(self._add, level) for level in ("INFO", "WARN", "ERROR"))
 
     def _add(self, level: str, text: str, throttle_duration_sec: float = 0.0) -> None:
-        caller, now = sys._getframe(2), self._clock.elapsed
+        caller, now = sys._getframe(1), self._clock.elapsed
         place = caller.f_code, caller.f_lineno
-        if now < self._said.get(place, -1.0) + throttle_duration_sec:
+        if now < self._said.get(place, -math.inf) + throttle_duration_sec:
             return
         self._said[place] = now
         self._say(f"[{level}] [{now:.3f} s] {text}")

@@ -27,7 +27,9 @@ from smartmesh_ros.node.outputs.cdr import bytes_of
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.replay.bag import Messages, Record
+from smartmesh_ros.tools.replay.clock import ReplayClock
 from smartmesh_ros.tools.replay.replay import Replay
+from smartmesh_ros.tools.replay.transport import Log
 from smartmesh_ros.tools.testing import bags, heightmap_message, pose_message
 from tests.node.shared import Fed, made_with
 from tests.tools.replay.recordings import BEGIN, RECORDINGS, Message, X, digest_of, in_order
@@ -205,6 +207,16 @@ def test_parameters_that_changed_while_recording_change_again(replay: Make) -> N
     assert run.world.dt == pytest.approx(1.0 / 120.0)
     with pytest.raises(InputError, match=r"physics\.rate"):
         run.set(physics__rate=-1.0)
+
+
+def test_a_place_of_the_code_is_not_logged_too_often() -> None:
+    clock, said = ReplayClock(0.0, simulated=False), list[str]()
+    log = Log(clock, said.append)
+    for clock.elapsed in (0.0, 1.0, 6.0):
+        log.warning("here", throttle_duration_sec=5.0)
+        log.error("there", throttle_duration_sec=5.0)
+    here, there = "[WARN] [{:.3f} s] here", "[ERROR] [{:.3f} s] there"
+    assert said == [text.format(time) for time in (0.0, 6.0) for text in (here, there)]
 
 
 def test_messages_of_another_type_are_refused(replay: Make) -> None:
