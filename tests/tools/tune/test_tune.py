@@ -101,6 +101,18 @@ def test_ground_that_is_not_followed_is_measured_as_penetration(tmp_path: Path) 
     assert kept.cost > 0.0 and kept.longest > 0.0 and positions.keys() == {"ball", "crate"}
 
 
+def test_ground_that_was_taken_away_is_not_measured(tmp_path: Path) -> None:
+    """The crate falls where a tile was; the ball stays on another one."""
+    east = heightmap_message(np.zeros((41, 41)), origin=(-2.0, -2.0, 0.0), tile="east")
+    west = heightmap_message(np.zeros((41, 41)), origin=(-8.0, -2.0, 0.0), tile="west")
+    maps = [east, west, heightmap_message(np.empty((0, 0)), tile="west"), east]
+    bags.write(tmp_path / "bag", [(MAP, 0.3 * k, message) for k, message in enumerate(maps)])
+    spawn = [SPAWN[0].replace("0.25", "0.2"), SPAWN[1].replace("-1.0, 0.5", "-6.0, 0.0")]
+    figures, places = measure(open_case(str(tmp_path / "bag"), {"bodies.spawn": spawn}, [], None), {})
+    assert places["crate"][2] < 0.0
+    assert figures.penetration < 1e-3 and not figures.failed
+
+
 def test_steps_as_seldom_as_measurements_are_measured(tmp_path: Path) -> None:
     case = open_case(recorded(tmp_path / "bag"), {"bodies.spawn": SPAWN}, [], None)
     for rate in (10.0, 30.0):
