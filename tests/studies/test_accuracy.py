@@ -104,11 +104,20 @@ def test_the_elevation_model_is_the_same_terrain_at_every_resolution() -> None:
     "text",
     [
         "[]",
+        "{",
         "title: x",
         "{title: x, ground: {kind: flat}, grid: [9, 0.1], speed: 3}",
         "{title: x, ground: {kind: flat}, grid: [9, 0.1], bodies: {colour: red}}",
         "{title: x, ground: {kind: lava}, grid: [9, 0.1]}",
         "{title: x, ground: {kind: slope, steepness: 3}, grid: [9, 0.1]}",
+        "{title: x, ground: flat, grid: [9, 0.1]}",
+        "{title: x, ground: {}, grid: [9, 0.1]}",
+        "{title: x, ground: {kind: flat}, grid: 9}",
+        "{title: x, ground: {kind: flat}, grid: [9, 0.1], duration: 0}",
+        "{title: x, ground: {kind: flat}, grid: [9, 0.1], duration: long}",
+        "{title: x, ground: {kind: flat}, grid: [9, 0.1], settle: .nan}",
+        "{title: x, ground: {kind: flat}, grid: [9, 0.1], bodies: {count: 0}}",
+        "{title: x, ground: {kind: flat}, grid: [9, 0.1], bodies: {size: 0.2}}",
     ],
 )
 def test_files_that_make_no_scene_are_refused(tmp_path: Path, text: str) -> None:

@@ -41,19 +41,18 @@ def read_file(path: Path, node: str) -> dict[str, Any]:
         content = yaml.safe_load(path.read_text())
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise InputError("file", f"{path} is no parameter file: {error}") from None
-    if wrong := mismatch(path, node):
-        raise InputError("file", wrong)
     found: dict[str, Any] = {}
     for name, values in parameters_by_node(content):
         found |= values if re.fullmatch(pattern(name), node) else {}
     if not found:
-        raise InputError("file", f"{path} has no {PARAMETERS}; it must read '/**: {{{PARAMETERS}: {{name: value}}}}'")
+        none = f"{path} has no {PARAMETERS}; it must read '/**: {{{PARAMETERS}: {{name: value}}}}'"
+        raise InputError("file", mismatch(path, node) or none)
     return found
 
 
 def settings_of(values: Mapping[str, Any]) -> Settings:
     """Return settings with these parameters, and all others at their defaults; raise `InputError` if one is invalid."""
-    return settings_from({**DEFAULTS, **{name: value for name, value in values.items() if name in NAMES}})
+    return settings_from({**DEFAULTS, **values})
 
 
 def preset_values(name: str) -> dict[str, Any]:

@@ -148,8 +148,7 @@ class Replay:
     def give(self, topic: str, message: Any) -> None:
         """Give the collider a message, or its bytes, now."""
         data = message if isinstance(message, bytes) else serialize_message(message)
-        for subscription in self.node.subscriptions[self.names.full(topic)]:
-            subscription.callback(data)
+        self.node.deliver(self.names.full(topic), data)
         self._settle()
 
     def call(self, service: str, request: Any) -> Any:
@@ -198,10 +197,10 @@ class Replay:
             if record.topic.endswith(EVENTS):
                 self._take_call(record)
             elif record.topic == CLOCK and self.clock.simulated:
-                now = deserialize_message(record.data, Clock).clock
+                now = message_from(record.data, Clock).clock
                 self.clock.set_simulated(now.sec + 1e-9 * now.nanosec)
             elif record.topic == PARAMETERS:
-                self._take_parameters(deserialize_message(record.data, ParameterEvent))
+                self._take_parameters(message_from(record.data, ParameterEvent))
             else:
                 self.node.deliver(record.topic, record.data)
         except InputError as error:
@@ -230,8 +229,7 @@ class Replay:
     def _call_events(self) -> dict[str, int]:
         """Return which event of each recorded service stands for a call: that of the server, which a client may have
         recorded besides, or else that of the client."""
-        kinds = {f"{name}{EVENTS}": type_of(service.kind) + "_Event" for name, service in self.node.services.items()}
-        there = {topic for topic, kind in kinds.items() if topic in self._source.topics}
+        there = {f"{name}{EVENTS}" for name in self.node.services} & self._source.topics.keys()
         found = dict.fromkeys(there, int(ServiceEventInfo.REQUEST_SENT))
         for record in self._source.records(there):
             kind = int(record.data[4]) if len(record.data) > 4 else -1  # the first field of ServiceEventInfo
@@ -243,7 +241,8 @@ class Replay:
         """Return the recorded topics that are for the collider, or may be; raise `InputError` if one is of another
         type than its input."""
         topics, inputs = self._source.topics, self._inputs
-        for name, kind in inputs:
+        events = [(f"{name}{EVENTS}", f"{type_of(one.kind)}_Event") for name, one in self.node.services.items()]
+        for name, kind in (*inputs, *events, (CLOCK, type_of(Clock)), (PARAMETERS, type_of(ParameterEvent))):
             if name in topics and topics[name].type_name != kind:
                 raise self._source.refusal("topic", f"{name} has {topics[name].type_name}, and must have {kind}")
         own, others = {*self._calls, *dict(inputs)}, {*TRANSFORMS, PARAMETERS, CLOCK}

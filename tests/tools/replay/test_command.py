@@ -3,6 +3,7 @@
 import os
 import signal
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -161,6 +162,14 @@ def test_no_bag_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert main([str(single), "-o", str(tmp_path / "out.mcap")]) == 0
 
 
+def test_a_package_that_is_missing_is_named(bag: str, capsys: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And does not count as damage of the bag."""
+    for name in [name for name in sys.modules if name.partition(".")[0] == "rosbags"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr(sys, "path", [])
+    assert words_of(capsys, bag) == "replay needs rosbags: pip install rosbags\n"
+
+
 def test_a_bag_of_one_instant_is_replayed_like_any_other(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bags.write(tmp_path / "bag", [(MAP, 1.0, heightmap_message([[0.0] * 3] * 3))] * 2)
     assert main([str(tmp_path / "bag")]) == 0
@@ -179,6 +188,8 @@ def test_a_bag_of_one_instant_is_replayed_like_any_other(tmp_path: Path, capsys:
         (["-p", "physics.rate:=fast"], "physics.rate is 'fast'"),
         (["--params-file", "missing.yaml"], "missing.yaml is no parameter file"),
         (["--until", "-1"], "--until is -1"),
+        (["--topics", "a b"], "topic name '~/a b' is invalid: topic name must not contain characters other than"),
+        (["--topics", ""], "topic name '~/' is invalid"),
         (["-o", "/nowhere/out.mcap"], "/nowhere/out.mcap cannot be written: No such file or directory"),
     ],
 )
