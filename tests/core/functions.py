@@ -76,9 +76,10 @@ def placed() -> Arguments:
     return {"heights": floats(ROWS, COLUMNS), "z": 0.0, "first": (5, -7), "least": 0.001}
 
 
-def corrected() -> Any:
-    grid = new_grid()
-    grid.set_motion(3, 25.0, 0.2, 0.0, 0.0)
+def corrected(settle: float = 0.2, **clock: float) -> Any:
+    """Return a map of the core that is corrected within ``settle`` [s], with these fields in its clocks."""
+    grid = new_grid(**clock)
+    grid.set_motion(3, 25.0, settle, 0.0, 0.0)
     return grid
 
 
