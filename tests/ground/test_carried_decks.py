@@ -1,14 +1,13 @@
 """Decks and robots: bodies that carry a deck take the reaction, and a rover drives from one onto ground at rest."""
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, Deck, HeightMap, InputError, Sphere, Terrain, World
+from smartmesh_ros import BodyState, Box, Deck, HeightMap, InputError, Sphere, World
 from smartmesh_ros.world.driving import Carrier
 from smartmesh_ros.world.joints import JointCommand
 from tests.bodies import about_y, ground_of, put, rotation
@@ -19,20 +18,13 @@ DT = 1.0 / 240.0
 RAFT = Box(2.0, 2.0, 0.2)
 
 
-@contextmanager
-def loaded_husky() -> Iterator[tuple[World, Terrain]]:
-    """A robot with a deck named bed on its back, and a body named cargo that has come to rest on it."""
+def test_cargo_rides_on_a_robot_that_drives_and_turns_and_sleeps_on_the_ground_once_the_deck_is_taken_away() -> None:
     terrain = terrain_of(ground=level(81, 0.5), bed=Deck(level(9, 0.1), thickness=0.2))
     with world_of(terrain, friction=0.9) as world:
         world.spawn_robot("husky", HUSKY, BodyState((0.0, 0.0, 0.15)))
         world.carry("bed", Carrier("husky", position=(0.0, 0.0, 0.45)))
         world.spawn("cargo", Box(0.3, 0.3, 0.2), 20.0, BodyState((0.0, 0.0, 0.72)))
         world.step(240)
-        yield world, terrain
-
-
-def test_cargo_rides_on_a_robot_that_drives_and_turns() -> None:
-    with loaded_husky() as (world, terrain):
         for joint_name in (it.name for it in world.joints("husky") if "wheel" in it.name):
             world.command("husky", joint_name, JointCommand(velocity=4.0 if "left" in joint_name else 8.0))
         places = []
@@ -44,11 +36,6 @@ def test_cargo_rides_on_a_robot_that_drives_and_turns() -> None:
         assert np.abs(found[:, 2] - 0.1).max() < 2e-3
         assert np.linalg.norm(found[:, :2] - found[0, :2], axis=1).max() < 0.03
         assert math.hypot(*world.state("husky").position[:2]) > 1.0
-
-
-def test_what_lay_on_the_deck_of_a_robot_sleeps_on_the_ground_once_the_deck_is_taken_away() -> None:
-    with loaded_husky() as (world, terrain):
-        assert world.state("cargo").position[2] > 0.5
         terrain.remove("bed")
         world.remove("husky")
         world.step(720)

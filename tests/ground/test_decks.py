@@ -112,7 +112,7 @@ def test_a_box_at_rest_rides_on_a_deck_that_rolls_pitches_and_heaves(
     assert np.linalg.norm(later[:, :2] - later[0, :2], axis=1).max() < (2e-3 if is_tracked else 1e-3)  # of a way of 1 m
 
 
-def test_a_deck_is_as_thick_as_it_is() -> None:
+def test_a_deck_is_as_thick_as_it_is_and_may_become_thinner() -> None:
     """Balls on a bridge, below it and inside it, and a box that jumps until its top is above it."""
     with with_bridge() as world:
         world.spawn("above", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 2.5)))
@@ -130,6 +130,10 @@ def test_a_deck_is_as_thick_as_it_is() -> None:
         world.spawn("inside", Sphere(0.2), 1.0, BodyState((-1.0, 0.0, 1.9)))
         world.step(240)
         assert world.state("inside").position[2] == pytest.approx(2.2, abs=1e-4)
+        world.terrain.deck("bridge").thickness = 0.05
+        world.spawn("no more inside", Sphere(0.1), 1.0, BodyState((-1.0, -1.0, 1.8)))
+        world.step(10)
+        assert world.state("no more inside").position[2] < 1.8
         assert world.rescues == 1
 
 
@@ -207,15 +211,6 @@ def test_a_frame_moves_between_its_poses_to_second_order_and_stops_without_more(
     ways, speeds = np.diff([frame.position for frame in frames], axis=0), np.array([frame.velocity for frame in frames])
     assert ways == pytest.approx(1e-3 * 0.5 * (speeds[1:] + speeds[:-1]), abs=1e-6)
     assert np.abs(np.diff(speeds, axis=0)).max() < 0.02
-
-
-def test_a_deck_may_become_thinner() -> None:
-    """What is below it is then no longer put onto it."""
-    with World(terrain_of(deck=(deck := Deck(a_map())))) as world:
-        deck.thickness = 0.5
-        world.spawn("ball", Sphere(0.1), 1.0, BodyState((0.0, 0.0, -1.0)))
-        world.step(10)
-        assert world.state("ball").position[2] < -1.0
 
 
 def test_a_copy_of_a_terrain_has_decks_of_its_own() -> None:

@@ -132,7 +132,8 @@ def test_a_collision_query_between_steps_finds_the_ground(client: Any, terrain: 
 
 
 def test_a_body_that_is_removed_without_a_word_is_taken_off_the_ground(client: Any) -> None:
-    """The next body gets its number from PyBullet: it stands on the ground if it is attached."""
+    """The next body gets its number from PyBullet: it stands on the ground if it is attached. Else it never sleeps, as
+    who is not there."""
     body = put(client, BALL, START)
     ground = ground_of(client, level(), body)
     ground.step(0.0, DT)
@@ -142,6 +143,7 @@ def test_a_body_that_is_removed_without_a_word_is_taken_off_the_ground(client: A
         assert put(client, BALL, START) == body
         if attached:
             ground.attach(body)
+        assert not ground.is_asleep(body) and not ground.is_asleep(99)
         run(ground)
         assert (height(client, body) > 0.0) == attached
         assert len(ground.followers) == attached
@@ -210,11 +212,6 @@ def test_a_body_that_pybullet_keeps_from_the_ground_falls_through_it(client: Any
         client.setCollisionFilterPair(ball, proxy, -1, -1, 0)
     run(ground, 240)
     assert height(client, ball) < -4.0 and ground.rescues == 0
-
-
-def test_what_is_not_attached_is_not_asleep(client: Any) -> None:
-    ground = ground_of(client, level())
-    assert not ground.is_asleep(put(client, BALL, (0.0, 0.0, 0.3))) and not ground.is_asleep(99)
 
 
 def test_a_ground_that_was_dropped_leaves_nothing_in_the_way_of_bodies_and_rays(client: Any) -> None:
