@@ -15,47 +15,36 @@ from tests.bodies import ground_of, height, put, run
 from tests.core import mesh_parts
 from tests.grounds import level
 from tests.memory import allocated
-from tests.urdfs import joint, link, robot
+from tests.urdfs import HUSKY
 
 DT = 1.0 / 240.0
 BALL = Sphere(0.2)
 START = (0.0, 0.0, 0.5)  # of a ball that falls to the ground
 
 
-@pytest.fixture
-def car(client: Any, tmp_path: Any) -> int:
-    base = [link("base_footprint", "", None), link("base_link", '<box size="0.5 0.3 0.1"/>', 5.0, 0.1)]
-    base.append(joint("up", "fixed", "base_footprint", "base_link", xyz="0 0 0.1"))
-    for n, (x, y) in enumerate((x, y) for x in (0.2, -0.2) for y in (0.2, -0.2)):
-        wheel = link(f"wheel{n}", '<cylinder radius="0.1" length="0.05"/>', 0.5, 0.001, rpy="1.570796 0 0")
-        base += [wheel, joint(f"axle{n}", "continuous", "base_link", f"wheel{n}", xyz=f"{x} {y} -0.03")]
-    (tmp_path / "car.urdf").write_text(robot(*base))
-    return int(client.loadURDF(str(tmp_path / "car.urdf"), (0.5, 0.2, 0.05), flags=pb.URDF_USE_IMPLICIT_CYLINDER))
-
-
-def test_a_robot_is_attached_with_all_links_that_have_a_shape(client: Any, car: int) -> None:
-    """It stands on its wheels; its root has no shape."""
-    ground = Ground(client, level())
-    first = ground.attach(car)
-    links = [ground.followers[slot].link for slot in ground.followers.of(car)]
-    assert links == [0, 1, 2, 3, 4]
+def test_a_robot_is_attached_with_all_links_that_have_a_shape(client: Any) -> None:
+    """It stands on its wheels; its root and its other links have no shape."""
+    ground, husky = Ground(client, level()), client.loadURDF(HUSKY, (0.5, 0.2, 0.05))
+    first = ground.attach(husky)
+    links = [ground.followers[slot].link for slot in ground.followers.of(husky)]
+    assert links == [0, 2, 3, 4, 5]
     assert first.link == 0
     run(ground, 480)
-    assert client.getLinkState(car, 0)[0][2] == pytest.approx(0.13, abs=2e-3)
+    assert client.getLinkState(husky, 0)[4][2] == pytest.approx(0.145, abs=2e-3)
     assert ground.rescues == 0
-    ground.detach(car)
-    assert not ground.followers.of(car)
+    ground.detach(husky)
+    assert not ground.followers.of(husky)
 
 
-def test_what_cannot_be_attached_is_refused_whole(client: Any, car: int) -> None:
+def test_what_cannot_be_attached_is_refused_whole(client: Any) -> None:
     client.setAdditionalSearchPath(pybullet_data.getDataPath())
     soft = client.loadSoftBody("bunny.obj", basePosition=(0, 0, 1), mass=0.1, useMassSpring=1)
-    ground, ghost, ball = Ground(client, level()), client.createMultiBody(1.0), put(client, BALL, START)
+    husky, ghost, ball = client.loadURDF(HUSKY), client.createMultiBody(1.0), put(client, BALL, START)
     duck = client.createCollisionShape(client.GEOM_MESH, fileName="duck.obj", flags=client.GEOM_FORCE_CONCAVE_TRIMESH)
     moving, standing = (client.createMultiBody(mass, duck, basePosition=START) for mass in (1.0, 0.0))
-    bodies = client.getNumBodies()
+    ground, bodies = Ground(client, level()), client.getNumBodies()
     refused: list[tuple[int, dict[str, Any], str]] = [
-        (car, {"link": -1}, r"base_footprint.*0 'base_link'.*1 'wheel0'.*4 'wheel3'"),
+        (husky, {"link": -1}, r"base_footprint.*0 'base_link'.*2 'front_left_wheel_link'.*5 'rear_right_wheel_link'"),
         (ghost, {}, "no collision shape"),
         (ball, {"radius": -1.0}, "radius"),
         (soft, {}, "it is soft, and only rigid bodies and robots collide with the map"),
@@ -67,10 +56,10 @@ def test_what_cannot_be_attached_is_refused_whole(client: Any, car: int) -> None
             ground.attach(body, **given)
     assert not len(ground.followers)
     assert client.getNumBodies() == bodies
-    ground.attach(car, 2)
+    ground.attach(husky, 2)
     for link_number in (None, 2):
         with pytest.raises(InputError, match="link 2 is attached already"):
-            ground.attach(car, link_number)
+            ground.attach(husky, link_number)
     ground.attach(standing)
     ground.attach(moving, solid=False)
     assert len(ground.followers) == 3
