@@ -24,10 +24,6 @@ RATES = [60.0, 240.0, 960.0]
 MAT = Material(stiffness=STIFFNESS, damping=2e4)
 
 
-def world_on(material: Material, rate: float = 240.0, **physics: Any) -> World:
-    return world_of(level(201, material=material), rate=rate, sleep=False, **physics)
-
-
 def ball_volume(depth: float) -> float:
     return math.pi * depth**2 * (RADIUS - depth / 3.0)
 
@@ -107,7 +103,8 @@ def test_a_body_that_gives_and_ground_that_gives_are_springs_in_series(client: A
 )
 def test_what_falls_rebounds_by_the_product_of_both_coefficients(ground: float, own: float, rate: float) -> None:
     for shape, above in ((Sphere(0.2), 0.2), (Box(0.3, 0.3, 0.2), 0.1), (Cylinder(radius=0.15, height=0.2), 0.1)):
-        with world_on(Material(restitution=ground), rate, restitution=own) as world:
+        made = level(201, material=Material(restitution=ground))
+        with world_of(made, rate=rate, sleep=False, restitution=own) as world:
             world.spawn("body", shape, 1.0, BodyState((0.01, 0.02, above + 1.0)))
             rising: list[float] = []
             while world.time < 0.6 + ground * own:
@@ -130,7 +127,8 @@ def test_what_rolls_coasts_down_by_the_coefficient(
     rolling, speed, heading = 0.03, 1.5, 0.0 if isinstance(shape, Cylinder) else 0.3
     along = np.array([math.cos(heading), math.sin(heading), 0.0])
     spin = np.cross([0.0, 0.0, 1.0], along) * speed / RADIUS
-    with world_on(Material(rolling=rolling), rate, friction=0.8) as world:
+    ground = level(201, material=Material(rolling=rolling))
+    with world_of(ground, rate=rate, sleep=False, friction=0.8) as world:
         world.spawn(
             "body", shape, mass,
             BodyState((0.0, 0.0, RADIUS), orientation=orientation, linear=tuple(speed * along), angular=tuple(spin)),
