@@ -204,17 +204,23 @@ def test_a_node_counts_no_deadlines_while_it_starts(own_signals: None, monkeypat
     assert missed[0] < 100
 
 
+SECURE = {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce", "ROS_SECURITY_KEYSTORE": "/nowhere"}
+
+
 @pytest.mark.parametrize(
-    ("name", "parameters", "domain_id", "words"),
+    ("name", "parameters", "environment", "words"),
     [
-        ("terrain_collider", {"bodies.spawn": ["{id: x}"]}, "", "cannot start: bodies.spawn"),
-        ("terrain_score", {"csv": "/nowhere/score.csv"}, "", "cannot start: csv cannot be written: [Errno 2]"),
-        ("terrain_collider", {}, "300", "ROS_DOMAIN_ID is '300'; it must be"),
+        ("terrain_collider", {"bodies.spawn": ["{id: x}"]}, {}, "bodies.spawn"),
+        ("terrain_score", {"csv": "/nowhere/score.csv"}, {}, "csv cannot be written: [Errno 2]"),
+        ("terrain_collider", {}, {"ROS_DOMAIN_ID": "300"}, "ROS_DOMAIN_ID is '300'; it must be"),
+        # No node runs in the clear where security was asked for.
+        ("terrain_collider", {}, SECURE, "no security, which ROS_SECURITY_ENABLE asks for: "),
     ],
 )
-def test_what_cannot_be_stops_the_start(name: str, parameters: dict[str, Any], domain_id: str, words: str) -> None:
-    environment = {"ROS_DOMAIN_ID": domain_id} if domain_id else None
-    assert_cannot_start(parameters, words, name=name, environment=environment)
+def test_what_cannot_be_stops_the_start(
+    name: str, parameters: dict[str, Any], environment: dict[str, str], words: str
+) -> None:
+    assert_cannot_start(parameters, f"cannot start: {words}", name=name, environment=environment)
 
 
 def test_signals_are_obeyed_within_a_second_under_load(probe: Probe) -> None:

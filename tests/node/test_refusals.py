@@ -3,7 +3,6 @@
 import math
 import struct
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from smartmesh_ros.node import session
 from smartmesh_ros.node.inputs import cdr_reader, terrain_inputs
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.replay.replay import Replay
-from smartmesh_ros.tools.testing import assert_cannot_start, floats, heightmap_message, layer_message, pose_message
+from smartmesh_ros.tools.testing import floats, heightmap_message, layer_message, pose_message
 from tests.node.shared import BALL, Fed, Logged, fed, stamped
 
 GOOD = np.random.default_rng(1).normal(size=(40, 30)) * 0.2
@@ -196,11 +195,3 @@ def test_sizes_are_capped(monkeypatch: pytest.MonkeyPatch) -> None:
         assert run.refused["body_poses: size"] == 2
         assert run.call("remove_body", RemoveBody.Request(id="a")).success
         assert answer("d") == ""
-
-
-def test_security_that_is_not_to_be_had_stops_the_start(tmp_path: Path) -> None:
-    """No node runs in the clear where security was asked for. The wheels' Fast DDS is built without it."""
-    (tmp_path / "enclaves").mkdir()
-    asked = {"ENABLE": "true", "STRATEGY": "Enforce", "KEYSTORE": str(tmp_path)}
-    environment = {f"ROS_SECURITY_{name}": value for name, value in asked.items()}
-    assert_cannot_start({}, "ROS_SECURITY_ENABLE", environment=environment)

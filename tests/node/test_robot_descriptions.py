@@ -173,12 +173,13 @@ def test_whoever_listens_late_hears_of_no_body_that_is_gone(shared: Probe) -> No
 
 
 def test_folders_that_do_not_exist_are_named(tmp_path: Path, logged: Logged) -> None:
-    """At the start, and when they are set; one that is made later counts from then on, and ``~`` is one's home."""
+    """At the start, and when they are set; one that is made later counts from then on, and ``~`` is one's home. That of
+    a user who is not there is one that is not there."""
     gone = str(tmp_path / "gone")
-    with fed({"bodies.urdf_folders": [gone, "~"]}) as node:
+    with fed({"bodies.urdf_folders": [gone, "~", "~nobody_here/robots"]}) as node:
         said = logged()
-        assert f"no folder {gone};" in said and said.count("there is no folder") == 1
-        assert not node.set("bodies.urdf_folders", [str(tmp_path), f"{gone}er"])
+        assert f"no folder {gone};" in said and said.count("there is no folder") == 2
+        assert not node.set("bodies.urdf_folders", [str(tmp_path), f"{gone}er", "~nobody_here"])
         said = logged()
-        assert f"no folder {gone}er;" in said and said.count("there is no folder") == 1
+        assert f"no folder {gone}er;" in said and said.count("there is no folder") == 2
         assert allowed_folders(replace(node.node.settings, urdf_folders=("~/robots",))) == (Path.home() / "robots",)

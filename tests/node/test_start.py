@@ -17,7 +17,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet import front
 from smartmesh_ros.node.outputs import diagnostics
 from smartmesh_ros.node.parameters.declaring import checked
-from smartmesh_ros.node.parameters.helping import answer, files_of, mismatch, own_arguments
+from smartmesh_ros.node.parameters.helping import answer, files_of, mismatch
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.node.sensor import terrain_sensor
 from smartmesh_ros.node.terrain_collider import TerrainCollider
@@ -106,38 +106,31 @@ def test_parameters_that_have_no_effect_are_warned_about(
 
 
 @pytest.mark.parametrize(
-    ("rule", "words"),
+    ("line", "words"),
     [
-        ("-p physics.gravity:=[0.0, down, -9.81]", "of the same type"),
-        ("-p physics.gravity:=[0, 0, -9.81]", "[0.0, 0.0, -9.81]"),
-        ("-p physics.rate:=[240.0", "name:=value"),
-        ("-p physics.rate", "name:=value"),
-        ("--params-file /no/such/file.yaml", "/no/such/file.yaml"),
-        ("--params-file", "path of a YAML file"),
-        ("--log-level loud", "loud"),
-        ("-r a:=:=b", "a:=:=b"),
-        (f"-r {Path.home()}/heightmap:=/maps", "put the remapping into quotes: '~/heightmap:=/maps'"),
-        ("--nonsense", "'--nonsense'"),
+        ("--ros-args -p physics.gravity:=[0.0, down, -9.81]", "of the same type"),
+        ("--ros-args -p physics.gravity:=[0, 0, -9.81]", "[0.0, 0.0, -9.81]"),
+        ("--ros-args -p physics.rate:=[240.0", "name:=value"),
+        ("--ros-args -p physics.rate", "name:=value"),
+        ("--ros-args --params-file /no/such/file.yaml", "/no/such/file.yaml"),
+        ("--ros-args --params-file", "path of a YAML file"),
+        ("--ros-args --log-level loud", "loud"),
+        ("--ros-args -r a:=:=b", "a:=:=b"),
+        (f"--ros-args -r {Path.home()}/heightmap:=/maps", "put the remapping into quotes: '~/heightmap:=/maps'"),
+        ("--ros-args --nonsense", "'--nonsense'"),
+        ("-p physics.rate:=100.0", "'-p'; put --ros-args before it"),
+        ("-x", "try --help"),
     ],
 )
-def test_what_rcl_does_not_read_of_a_command_line_is_refused_with_the_reason(
-    capsys: pytest.CaptureFixture[str], rule: str, words: str
+def test_what_is_no_command_line_is_refused_with_the_reason(
+    capsys: pytest.CaptureFixture[str], line: str, words: str
 ) -> None:
-    option, _, value = rule.partition(" ")
     with pytest.raises(SystemExit) as end:
-        own_arguments(["node", "--ros-args", option, *([value] if value else [])])
+        answer("terrain_collider", None, SPECS, line.split(" ", 2))
     assert end.value.code == 2
     said = capsys.readouterr().err
     assert words in said
     assert not re.search(r"/\S+\.c:|error not set", said), "places in rcl's sources"
-
-
-def test_an_option_of_ros_without_its_mark_is_told_where_it_belongs(capsys: pytest.CaptureFixture[str]) -> None:
-    for arguments, words in ((["-p", "physics.rate:=100.0"], "'-p'; put --ros-args before it"), (["-x"], "try --help")):
-        with pytest.raises(SystemExit) as end:
-            answer("terrain_collider", None, SPECS, arguments)
-        assert end.value.code == 2
-        assert words in capsys.readouterr().err
 
 
 def test_a_parameter_file_that_rcl_does_not_read_is_refused_by_name(tmp_path: Path) -> None:
