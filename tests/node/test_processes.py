@@ -21,7 +21,6 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.refusals import Refusals
 from smartmesh_ros.node.running import run
 from smartmesh_ros.node.timing.pacing import Pacer
-from smartmesh_ros.startup.dds import isolated_unless_chosen, require_domain
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, assert_cannot_start, executable
 from tests.node.shared import wait_until
 from tests.preloaded import has_ended
@@ -161,15 +160,6 @@ def test_a_node_runs_without_a_folder_for_logs(
         probe.wait_for(lambda: name in probe.node.get_node_names(), watch=process)
         assert process.output.startswith("no log files: "), process.output
         assert process.stop() == 0
-
-
-def test_a_domain_may_be_written_as_rcl_reads_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    for text, number in (("007", 7), ("010", 8), ("0x1f", 31), ("08", None)):
-        monkeypatch.setenv("ROS_DOMAIN_ID", text)
-        with pytest.raises(SystemExit) if number is None else contextlib.nullcontext():
-            require_domain()
-            with isolated_unless_chosen() as chosen:
-                assert chosen == number
 
 
 def test_a_node_runs_with_its_standard_streams_closed(probe: Probe) -> None:
