@@ -81,7 +81,7 @@ def test_layers_of_a_grid_map_hold_the_material() -> None:
             return grid_map_message(layers, RESOLUTION, start=start, stamp=node.now())
 
         node.give("grid_map", grid_map(halves()))
-        assert (coefficients(node) == 1.0).all()
+        assert (coefficients(node) == 1.0).all() and node.node.settings.motion.changes == "motion"
         assert not node.set("raster.material_layers", ["friction=slip", "rolling", "soil=kind"])
         for start in ((0, 0), (3, 17)):
             node.give("grid_map", grid_map(halves(), start))

@@ -19,7 +19,6 @@ from smartmesh_ros import BodyState, Box
 from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.node.inputs.adapters import grid_map_raster
 from smartmesh_ros.node.inputs.map_checks import MapChecks, Rivals
-from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy, stamp_of
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.motion import MotionMode
@@ -29,22 +28,8 @@ from tests.node.shared import Logged, fed, seconds
 from tests.terrain.test_noise_check import of_mapper
 
 MAPPER = Path(__file__).parents[1] / "data" / "mapper"
-DEFAULTS = {spec.name: spec.default for spec in SPECS}
 GRID = GridGeometry(rows=21, columns=21, resolution=0.5)
 LEVEL = np.zeros((21, 21), np.float32)
-
-
-@pytest.mark.parametrize(
-    ("said", "source", "meant"),
-    [
-        ("auto", "heightmap", "motion"),
-        ("auto", "grid_map", "correction"),
-        ("motion", "grid_map", "motion"),
-    ],
-)
-def test_what_changes_mean_follows_from_the_input_unless_it_is_said(said: str, source: str, meant: str) -> None:
-    values = {**DEFAULTS, "terrain.changes": said, "terrain.input": source}
-    assert settings_from(values).motion.changes == meant
 
 
 def told(rivals: Rivals, height: Callable[[int], float], grids: Sequence[GridGeometry] = (GRID,)) -> bool:
@@ -70,7 +55,7 @@ ADVICE = "set terrain.changes: correction"
 def test_maps_of_a_mapper_that_are_taken_for_motion_are_a_warning(logged: Logged, given: bool) -> None:
     """Unless their velocities say that the ground moves."""
     maps = [heights for _, _, heights in of_mapper(6.2, 10.0, noise=0.005, drift=0.01, closure=0.08)]
-    with fed({"terrain.changes": "motion"}) as node:
+    with fed({}) as node:
 
         def give(number: int) -> tuple[bytes, str]:
             """Gives a map that holds from now on; level and words of the diagnostics a tenth of a second later."""
@@ -133,6 +118,7 @@ def test_the_shipped_bag_of_a_mapper_is_taken_and_after_a_reset_again(logged: Lo
     place = deserialize_message(data["/odom"], Odometry).pose.pose.position
     with fed({"terrain.input": "grid_map", "bodies.odometry": ["rover=/odom"], "bodies.timeout": 60.0}) as node:
         counts = node.node.refusals.counts
+        assert node.node.settings.motion.changes == "correction", "grid maps correct the last one"
         for refused in (set(), {"grid_map: stamp_backwards", "/odom: stamp_backwards"}, set()):
             counts.clear()
             for record in records:
