@@ -30,9 +30,8 @@ BASE = {
     "bodies.frames": ["tool"],
     "bodies.timeout": 5.0,
 }
-RASTERS = (*ADAPTERS, "occupancy_grid_update")
 PARAMETERS = ("set_parameters", "set_parameters_atomically")
-TERRAIN = ("heightmap", "heightmap_update", "terrain_mesh", "terrain_mesh_update", *RASTERS)
+TERRAIN = ("heightmap", "heightmap_update", "terrain_mesh", "terrain_mesh_update", *ADAPTERS, "occupancy_grid_update")
 MOST_BODIES = 8
 MOST_STEPS = 20
 

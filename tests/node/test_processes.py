@@ -22,7 +22,7 @@ from smartmesh_ros.node.refusals import Refusals
 from smartmesh_ros.node.running import run
 from smartmesh_ros.node.timing.pacing import Pacer
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, assert_cannot_start, executable
-from tests.node.shared import wait_until
+from tests.node.shared import show_map, wait_until
 from tests.preloaded import has_ended
 
 pytestmark = pytest.mark.usefixtures("executables")
@@ -40,8 +40,7 @@ def own_signals() -> Iterator[None]:
 def test_a_signal_ends_the_node_cleanly(probe: Probe) -> None:
     """SIGTERM: `test_signals_are_obeyed_within_a_second_under_load`."""
     with probe.running() as process:
-        probe.publish_map(np.zeros((50, 50)))
-        probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] == "2500")
+        show_map(probe, np.zeros((50, 50)))
         # A long answer, which is given in turns, comes after short ones; each gets its own.
         asked = probe.client("query_ground", QueryGround)
         calls = [asked.call_async(QueryGround.Request(x=[0.1] * n, y=[0.1] * n)) for n in (90_000, 1, 50_000, 2)]

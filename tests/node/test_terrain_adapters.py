@@ -23,8 +23,6 @@ ROWS, COLUMNS = 25, 32  # along y and along x
 HOLD = {"terrain.motion": "hold", "terrain.settle": 0.001}
 CORNER = (1.0 - 0.5 * RESOLUTION, -2.0 - 0.5 * RESOLUTION)  # of a grid whose samples lie where they do elsewhere
 PLACED = {"raster.resolution": RESOLUTION, "raster.origin": [1.0, -2.0, 0.0]}
-# Of images, whose pixels are millimetres above -5 m.
-RAISED = {**PLACED, "raster.scale": 0.001, "raster.origin": [1.0, -2.0, -5.0]}
 
 
 def surface(x: Any, y: Any) -> Any:
@@ -120,8 +118,8 @@ def test_grid_maps_of_both_orders_scroll_with_their_robot(logged: Logged) -> Non
 
 
 def test_images_are_placed_by_parameters() -> None:
-    parameters = {**HOLD, **RAISED, "terrain.input": "image", "frame_id": "map"}
-    with fed(parameters) as node:
+    raised = {"raster.scale": 0.001, "raster.origin": [1.0, -2.0, -5.0]}  # pixels are millimetres above -5 m
+    with fed({**HOLD, **PLACED, **raised, "terrain.input": "image", "frame_id": "map"}) as node:
         heights = surface(*places())
         node.give("image", stamped(node, image(heights)))
         assert shows(node, tolerance=0.001)
