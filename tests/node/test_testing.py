@@ -6,12 +6,13 @@ import signal
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from smartmesh_ros.startup.dds import in_use, isolated, isolated_unless_chosen
+from smartmesh_ros.startup.dds import in_use, isolated, isolated_unless_chosen, require_domain
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, bags, heightmap_message
 from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
 from smartmesh_ros.tools.testing.process import start_command
@@ -162,8 +163,13 @@ def test_folders_that_import_the_fixture_share_a_domain(tmp_path: Path) -> None:
     assert "3 passed" in result.stdout
 
 
-def test_a_user_who_chose_no_domain_gets_a_free_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One that was chosen is kept: test_processes.py."""
+def test_a_domain_is_the_chosen_one_written_as_rcl_reads_it_or_a_free_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    for text, chosen in (("007", 7), ("010", 8), ("0x1f", 31), ("08", None)):
+        monkeypatch.setenv("ROS_DOMAIN_ID", text)
+        with pytest.raises(SystemExit) if chosen is None else nullcontext():
+            require_domain()
+            with isolated_unless_chosen() as number:
+                assert number == chosen
     monkeypatch.delenv("ROS_DOMAIN_ID")
     with isolated_unless_chosen() as number:
         assert os.environ["ROS_DOMAIN_ID"] == str(number) != "0"

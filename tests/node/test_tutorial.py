@@ -117,11 +117,6 @@ def test_the_readmes_publisher_moves_the_ground(probe: Probe) -> None:
         assert probe.diagnostics("inputs")["message"] == "0 refused so far"
 
 
-def test_the_installed_file_is_that_of_the_tutorial() -> None:
-    file, _ = blocks("docs/elevation_mapping.md", "yaml")
-    assert yaml.safe_load(file) == yaml.safe_load((ROOT / "config" / "elevation_mapping.yaml").read_text())
-
-
 def test_the_tests_of_the_page_on_testing_run_in_a_package_of_ones_own(tmp_path: Path) -> None:
     conftest, *tests = blocks("docs/testing.md", "python")
     (tmp_path / "conftest.py").write_text(conftest)
@@ -191,6 +186,7 @@ def cupy_map(x: float, y: float, *, seen: bool = True) -> GridMap:
 def test_an_elevation_map_becomes_patches_under_the_robot(tmp_path: Path) -> None:
     """The map is in ``map``, the odometry in ``odom``, which lies 10 m further along y."""
     file, _ = blocks("docs/elevation_mapping.md", "yaml")
+    assert yaml.safe_load(file) == yaml.safe_load((ROOT / "config/elevation_mapping.yaml").read_text()), "as installed"
     command, *_ = blocks("docs/elevation_mapping.md", "console")
     (tmp_path / "my_robot.yaml").write_text(file)
     with fed({}, arguments_of(command.replace("my_robot.yaml", str(tmp_path / "my_robot.yaml")))) as node:
@@ -198,12 +194,12 @@ def test_an_elevation_map_becomes_patches_under_the_robot(tmp_path: Path) -> Non
             node.give("/elevation_mapping/elevation_map", stamped(node, cupy_map(x, 0.2, seen=seen)), steps=240)
             odometry = Odometry(child_frame_id="base_link")
             odometry.pose.pose = pose_message((x, -9.8, float(ground(x, 0.2)) + 0.3))
-            node.give("/odom", stamped(node, odometry, "odom"))
-            node.give("/tf", TFMessage(transforms=[transform_message(node, "map", "odom", (0.0, 10.0, 0.0))]))
-            node.give("/odom", stamped(node, odometry, "odom"))
             if not seen:
+                node.give("/odom", stamped(node, odometry, "odom"))
                 assert np.isnan(node.heights(x, 0.2))
                 continue
+            node.give("/tf", TFMessage(transforms=[transform_message(node, "map", "odom", (0.0, 10.0, 0.0))]))
+            node.give("/odom", stamped(node, odometry, "odom"))
             patches = node.world.patches().table()
             assert [patches.slots[0]] == [*patches.slots]
             points = patches.points_of(0)
