@@ -24,6 +24,7 @@ SIDE, RESOLUTION, LOW = 81, 0.25, -10.0
 r, c = np.mgrid[:SIDE, :SIDE]
 X, Y = LOW + RESOLUTION * c, LOW + RESOLUTION * r
 HILLS = (0.4 * np.sin(0.6 * X) * np.cos(0.5 * Y)).astype(np.float32)
+MAP: dict[str, Any] = {"heights": HILLS, "resolution": RESOLUTION, "origin": (LOW, LOW, 0.0)}
 UP = [0.0, 0.0, 1.0]
 
 
@@ -32,7 +33,7 @@ def hills() -> HeightMap:
 
 
 def publish_hills(probe: Probe) -> None:
-    show_map(probe, HILLS, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
+    show_map(probe, **MAP)
 
 
 def query(probe: Probe, points: np.ndarray, frame_id: str = "", **fields: Any) -> Any:
