@@ -55,8 +55,8 @@ def test_a_peer_with_incompatible_qos_is_named_with_the_policy(probe: Probe) -> 
 
 
 def test_a_map_that_was_latched_before_the_node_started_is_not_missed_without_a_word(probe: Probe) -> None:
-    """With what would be right: an override of the durability. A publisher may wait for the clock as the node does: the
-    log has no warning of it until the clock runs."""
+    """The words name the override with which it is there. A publisher may wait for the clock as the node does: the log
+    has no warning of it until the clock runs."""
     latched = probe.node.create_publisher(Heightmap, f"{COLLIDER}/heightmap", LATCHED)
     latched.publish(stamped(probe, heightmap_message(np.zeros((10, 10)))))
     clock = probe.node.create_publisher(Clock, "/clock", 10)
@@ -67,6 +67,8 @@ def test_a_map_that_was_latched_before_the_node_started_is_not_missed_without_a_
         assert all(words in probe.diagnostics("terrain")["message"] for _ in range(3))
         assert words not in process.output
         probe.wait_for(lambda: clock.publish(Clock(clock=Time(sec=5))) or words in process.output)
+    with Process("terrain_collider", {name: "transient_local"}) as process:  # the probe's own publisher of maps is not matched
+        probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] == "100", watch=process)
 
 
 def test_a_source_that_starts_with_the_node_is_no_reason_to_warn(
