@@ -67,7 +67,7 @@ def test_a_map_that_was_latched_before_the_node_started_is_not_missed_without_a_
         assert all(words in probe.diagnostics("terrain")["message"] for _ in range(3))
         assert words not in process.output
         probe.wait_for(lambda: clock.publish(Clock(clock=Time(sec=5))) or words in process.output)
-    with Process("terrain_collider", {name: "transient_local"}) as process:  # the probe's own publisher of maps is not matched
+    with Process("terrain_collider", {name: "transient_local"}) as process:  # not for the probe's own publisher
         probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] == "100", watch=process)
 
 
