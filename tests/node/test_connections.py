@@ -20,7 +20,6 @@ from smartmesh_ros.node.fleet.front import Front
 from smartmesh_ros.node.outputs import diagnostics
 from smartmesh_ros.node.sensor.terrain_sensor import TerrainSensor
 from smartmesh_ros.node.terrain_collider import TerrainCollider
-from smartmesh_ros.node.timing.pacing import NodeClock
 from smartmesh_ros.startup.dds import POLICY_VARIABLE, VARIABLE, use_large_message_profile
 from smartmesh_ros.tools.demo.rover import Rover
 from smartmesh_ros.tools.demo.terrain_source import TerrainSource
@@ -76,7 +75,6 @@ def test_a_source_that_starts_with_the_node_is_no_reason_to_warn(
 ) -> None:
     """Its first map may take longer than the diagnostics' second look; later it is one, also without a clock to wait
     for."""
-    monkeypatch.setattr(NodeClock, "steady", lambda _: now[0])
     monkeypatch.setattr(diagnostics, "unheard_latched", lambda *_: "a latched publisher")
     with fed({}) as node:
         for lines in (0, 1):
