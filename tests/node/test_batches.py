@@ -11,16 +11,14 @@ from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 
 from smartmesh_ros import BodyState, Box, Sphere, World
 from smartmesh_ros.node.services.turns import NextTurn, Turns, Work
-from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
 from tests.bodies import about_z
-from tests.node.shared import BALL, box, fed, show_map
+from tests.node.shared import BALL, box, fed, on_level, show_map
 from tests.node.test_ground_services import MAP, hills
 
 # So many messages of a thousand bodies are read in time on a busy machine, too: answers wait behind those that are not.
 SHARED = {"publish.patches": 4.0, "publish.body_states": 4.0}
 STANDING: dict[str, Any] = {"on_ground": True, "align": True, "clearance": 0.1}
-FLAT: dict[str, Any] = {"heights": np.zeros((101, 101)), "resolution": 0.5}
 
 
 def specification(index: int, **changes: Any) -> BodySpecification:
@@ -56,7 +54,7 @@ def test_what_is_put_onto_the_ground_stands_as_in_a_world() -> None:
 
 def test_one_bad_body_keeps_all_out_and_every_bad_one_is_named() -> None:
     """As a name that is not there keeps all in."""
-    with Replay([("heightmap", 0.0, heightmap_message(**FLAT))]) as run:
+    with on_level() as run:
         run.run(0.1)
 
         def spawned(*bodies: BodySpecification) -> Any:
@@ -100,7 +98,7 @@ def require_done(probe: Probe, service: str, kind: Any, requests: list[Any]) -> 
 def test_a_thousand_bodies_come_and_go_by_one_call_and_by_two_hundred_in_flight_each_of_which_is_answered(
     shared: Probe,
 ) -> None:
-    show_map(shared, **FLAT)
+    show_map(shared, np.zeros((101, 101)), resolution=0.5)
     bodies = [specification(index) for index in range(1000)]
     few, many, ids = bodies[:200], bodies[200:], [body.id for body in bodies]
     spawns = [SpawnBody.Request(id=body.id, mass=body.mass, shape=body.shape, pose=body.pose) for body in few]
