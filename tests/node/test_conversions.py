@@ -26,7 +26,6 @@ from smartmesh_ros.node.outputs.body_outputs import description
 from smartmesh_ros.tools.testing import heightmap_message
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.state_table import require_valid
-from tests.node.test_refusals import changed
 
 texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=12)
 floats32 = st.floats(-1e6, 1e6, width=32, allow_subnormal=False)
@@ -117,7 +116,6 @@ def test_hostile_messages_are_refused_by_reason(
 ) -> None:
     """The cap of bodies is lowered here."""
     monkeypatch.setattr(peers, "MOST_BODIES", 3)
-    message = changed(TrackedBodyArray(rate=240.0), **change)
     with pytest.raises(InputError) as refused:
-        PeerReader().read(bytes(serialize_message(message)))
+        PeerReader().read(bytes(serialize_message(TrackedBodyArray(rate=240.0, **change))))
     assert refused.value.reason == reason
