@@ -16,8 +16,8 @@ from tests.bodies import about_z
 from tests.node.shared import BALL, box, fed, on_level, show_map
 from tests.node.test_ground_services import MAP, hills
 
-# So many messages of a thousand bodies are read in time on a busy machine, too: answers wait behind those that are not.
-SHARED = {"publish.patches": 4.0, "publish.body_states": 4.0}
+# A busy machine steps a thousand bodies and reads so many messages of them in time, too: answers wait behind both.
+SHARED = {"physics.rate": 60.0, "publish.patches": 4.0, "publish.body_states": 4.0}
 STANDING: dict[str, Any] = {"on_ground": True, "align": True, "clearance": 0.1}
 
 

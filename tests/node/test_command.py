@@ -23,6 +23,8 @@ from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, heightmap_messa
 from tests.node.shared import changed, position_of, show_level_ground, wait_until
 from tests.urdfs import link, mesh, robot
 
+# The fixtures' probe reads nothing while a command runs: few messages wait then, behind which answers would wait.
+SHARED = {"publish.patches": 10.0, "publish.body_states": 10.0}
 Command = Callable[..., str]
 COMMAND = Path(get_package_prefix("smartmesh_ros")) / "bin" / "smartmesh"
 
