@@ -130,6 +130,13 @@ class Replay:
         return {*self.node.publishers, *(self.names.resolve(topic) for topic, rate in later.items() if rate)}
 
     @property
+    def left_out(self) -> dict[str, str]:
+        """Recorded topics of an input's type that are no input and no output, with their types: a name may be wrong."""
+        names, kinds = {*dict(self._inputs), *self.outputs}, {kind for _, kind in self._inputs}
+        topics = {name: about.type_name for name, about in self._source.topics.items() if not name.endswith(STATES)}
+        return {name: kind for name, kind in topics.items() if kind in kinds and name not in names}
+
+    @property
     def refused(self) -> dict[str, int]:
         """Counts of refused messages and calls, by "topic: reason"."""
         return dict(self.collider.refusals.counts)
