@@ -22,7 +22,7 @@ from smartmesh_ros.tools.replay.bag import EVENTS, Bag, Messages, Record, Source
 from smartmesh_ros.tools.replay.checks import require_named, require_taken, require_type
 from smartmesh_ros.tools.replay.clock import ReplayClock
 from smartmesh_ros.tools.replay.digest import Digest
-from smartmesh_ros.tools.replay.parameters import require_changeable, require_known, settings_of
+from smartmesh_ros.tools.replay.parameters import flat, require_changeable, require_known, settings_of
 from smartmesh_ros.tools.replay.transport import InProcess, Log, Names, Publisher
 from smartmesh_ros.world.world import World
 
@@ -63,9 +63,9 @@ class Replay:
         say: Callable[[str], None] | None = None,
     ) -> None:
         """``source``: a recording, the path of a bag, or a list of (topic, time [s], message) and (service, time [s],
-        request). ``parameters``: of terrain_collider, by name. ``remap``: new names of topics and services, as of
-        ``--ros-args -r``. ``keep``: outputs whose messages `received` returns. ``file``: gets the outputs, or only
-        these ``topics``. ``say``: gets the lines of ``log``."""
+        request). ``parameters``: of terrain_collider, by name, or in groups as in a file. ``remap``: new names of
+        topics and services, as of ``--ros-args -r``. ``keep``: outputs whose messages `received` returns. ``file``:
+        gets the outputs, or only these ``topics``. ``say``: gets the lines of ``log``."""
         self.log: list[str] = []
         self.names = Names(remap)
         self._kept: dict[str, list[Any]] = {self.names.full(topic): [] for topic in keep}
@@ -74,7 +74,7 @@ class Replay:
             source = Bag(Path(source))
         elif not isinstance(source, Source):
             source = Messages(source, self.names.node)
-        self._source, self._values = source, dict(parameters or {})
+        self._source, self._values = source, flat(parameters or {})
         require_known(self._values)
         settings = settings_of(self._values)
         self.clock = ReplayClock(0.0, simulated=bool(self._values.get("use_sim_time")) and CLOCK in source.topics)

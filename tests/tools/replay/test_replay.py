@@ -223,6 +223,11 @@ def test_a_message_of_a_list_that_nothing_takes_is_refused(replay: Make, message
         replay([level(), message])
 
 
+def test_parameters_may_be_in_groups_as_in_a_file(replay: Make) -> None:
+    run = replay([level()], {"physics": {"rate": 480.0, "gravity": [0.0, 0.0, -1.6]}, "terrain.settle": 0.1})
+    assert run.world.dt == pytest.approx(1.0 / 480.0) and run.world.config.physics.gravity == (0.0, 0.0, -1.6)
+
+
 def test_what_a_run_has_not_is_named_with_what_would_be_right(replay: Make) -> None:
     run = replay([level()], {"publish.tf": 50.0, "use_sim_time": False}, keep=["contacts", "/tf", "/clock"])
 
@@ -232,6 +237,7 @@ def test_what_a_run_has_not_is_named_with_what_would_be_right(replay: Make) -> N
 
     refuses("no output contact; did you mean 'contacts'", lambda: replay([level()], keep=["contact"]))
     refuses("'physics.rat' is unknown; did you mean", lambda: replay([level()], {"physics.rat": 480.0}))
+    refuses("'physics.rat' is unknown; did you mean", lambda: replay([level()], {"physics": {"rat": 480.0}}))
     refuses("'physics.rat' is unknown; did you mean", lambda: run.set(physics__rat=480.0))
     refuses("terrain.input is fixed after the start", lambda: run.set(terrain__input="image"))
     refuses("no input hightmap; did you mean 'heightmap'", lambda: run.give("hightmap", level()[2]))
