@@ -50,7 +50,11 @@ def load(path: str | Path, config: RasterConfig | None = None, max_samples: int 
 
 
 def _array(path: Path, max_samples: int) -> NDArray[Any]:
-    mapped = np.load(path, mmap_mode="r", allow_pickle=False)
+    try:
+        mapped = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (ValueError, EOFError):  # NumPy's words propose to load it unsafely
+        words = "cannot be read: it is no array of numbers; write one by numpy.save"
+        raise InputError("file", f"{path} {words}") from None
     if not isinstance(mapped, np.ndarray):
         raise InputError("type", f"{path} is an archive of arrays, as of numpy.savez; write one array by numpy.save")
     _require_size(path, mapped.shape, max_samples)

@@ -1,6 +1,7 @@
 """``smartmesh``, the command: what it shows of a node and has it do, over DDS."""
 
 import os
+import re
 import subprocess
 import sys
 import tracemalloc
@@ -175,9 +176,10 @@ def test_a_topic_that_is_misspelt_is_answered_by_the_one_that_may_be_meant(
     shared: Probe, remote: Remote, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(remote, "_patience", 1.0)
-    options = command.parser().parse_args(["echo", "body_state", "--once"])
-    with pytest.raises(InputError, match=f"no topic .*/body_state .*; did you mean '{shared.collider}/body_states'"):
-        options.act(remote, options)
+    for topic, hint in (("body_state", "; did you mean 'body_states'?"), ("imu", "")):
+        options = command.parser().parse_args(["echo", topic, "--once"])
+        with pytest.raises(InputError, match=rf"no topic {shared.collider}/{topic} after [\d.]+ s{re.escape(hint)}$"):
+            options.act(remote, options)
 
 
 def test_negative_numbers_are_no_options() -> None:

@@ -7,10 +7,12 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from std_srvs.srv import SetBool
 
 from smartmesh_ros.startup.dds import in_use, isolated, isolated_unless_chosen, require_domain
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, bags, heightmap_message
@@ -115,6 +117,16 @@ def test_a_wait_in_vain_says_why(shared: Probe) -> None:
         "terrain_collider runs", "heightmap refused:",  # the node's own log
     ):  # fmt: skip
         assert re.search(words, str(failure.value))
+
+
+def test_a_wait_for_a_misspelt_name_says_which_one_may_be_meant(shared: Probe, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shared, "wait_for", partial(shared.wait_for, timeout=0.5))
+    with pytest.raises(
+        AssertionError, match=r"there is no topic /shared/\S+/contac; did you mean 'contacts'\?; waited"
+    ):
+        shared.latest("contac")
+    with pytest.raises(AssertionError, match=r"no std_srvs/srv/SetBool service \S+/puse; did you mean 'pause'\?"):
+        shared.call("puse", SetBool, data=True)
 
 
 def test_a_probe_listens_in_a_namespace_to_its_own_node(shared: Probe) -> None:

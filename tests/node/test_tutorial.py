@@ -12,6 +12,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+import pybullet_data
 import pytest
 import yaml
 from grid_map_msgs.msg import GridMap
@@ -19,6 +20,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState, PointCloud2
 from smartmesh_msgs.srv import QueryGround, SpawnBody
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.terrain.grid import FloatArray
@@ -106,6 +108,25 @@ def test_the_program_of_the_first_page_drives_the_robot(
         assert probe.call("spawn_body", SpawnBody, id="rover", urdf=HUSKY, on_ground=True).success
         with running(driver):
             probe.wait_for(lambda: odometry and odometry[-1].twist.twist.linear.x > 0.4)
+
+
+def test_the_posture_of_the_page_lets_a_robot_on_legs_stand_after_a_reset(probe: Probe) -> None:
+    [posture] = [code for code in blocks("docs/robots.md", "python") if "POSTURE" in code]
+    readings, states = probe.listen("joint_states", JointState), probe.listen("odometry", Odometry)
+    legs = {"id": "a1", "urdf": f"{pybullet_data.getDataPath()}/a1/a1.urdf", "on_ground": True}
+    with probe.running("terrain_collider"):
+        probe.publish_map(np.zeros((81, 81)), origin=(-4.0, -4.0, 0.0))
+        assert probe.call("spawn_body", SpawnBody, **legs).success
+        probe.wait_for(lambda: states and states[-1].pose.pose.position.z < 0.2)  # it has fallen
+        with running(posture):
+            knee = readings[-1].name.index("FL_lower_joint")
+
+            def bent() -> bool:
+                return abs(readings[-1].position[knee] + 1.6) < 0.1
+
+            probe.wait_for(bent)
+            assert probe.call("reset", Trigger).success
+            probe.wait_for(lambda: bent() and 0.2 < states[-1].pose.pose.position.z < 0.35)
 
 
 def test_the_readmes_publisher_moves_the_ground(probe: Probe) -> None:

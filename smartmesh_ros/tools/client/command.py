@@ -121,7 +121,8 @@ def echo(remote: Remote, options: argparse.Namespace) -> str:
     try:
         types = remote.wait_for(lambda: known().get(full), f"topic {full}")
     except InputError as error:
-        raise InputError("timeout", f"{error}{suggestion(full, known())}") from None
+        names = [name.removeprefix(f"{remote.name}/") for name in known()]
+        raise InputError("timeout", f"{error}{suggestion(options.topic, names)}") from None
     came = messages(remote, full, class_of(types[0]))
     while True:
         for message in came[:1] if options.once else came:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import math
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -12,7 +13,7 @@ from typing import Any, NamedTuple
 import yaml
 from rclpy.serialization import serialize_message
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, as_float
 
 # The end of the names of topics with the events of a service.
 EVENTS = "/_service_event"
@@ -150,7 +151,13 @@ def class_of(name: str) -> Any:
 
 
 def recorded(topic: str, time: float, message: Any) -> Record:
-    """Return a message on a topic at a ``time`` [s] as a record; for a service's request, the event of the call."""
+    """Return a message on a topic at a ``time`` [s] as a record; for a service's request, the event of the call. Raises
+    `InputError` for what is no message or request, and for a time that is no number."""
+    if not hasattr(type(message), "SLOT_TYPES") or type(message).__name__.endswith("_Response"):
+        kind = type(message).__name__
+        raise InputError("content", f"{topic} was given a {kind}; it must be a message or the request of a service")
+    if not math.isfinite(as_float(time)):
+        raise InputError("time", f"the time of {topic} is {time!r}; it must be a number of seconds")
     service, request, _ = type_of(type(message)).partition("_Request")
     if request and service.split("/")[1] == "srv":
         event = class_of(service).Event(request=[message])

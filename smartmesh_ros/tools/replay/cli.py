@@ -124,6 +124,8 @@ def report(replay: Replay, speed: float, file: McapFile | None, check: str | Non
     print(f"replayed {replay.time:.3f} s, {speed:.1f} times as fast as real time{', until interrupted' * interrupted}")
     for what, count in replay.refused.items():
         print(f"refused {count} times: {what}")
+    for topic, kind in replay.left_out.items():
+        print(f"left out: {topic} ({kind}); -r '~/INPUT:={topic}' would make it an input")
     if file is not None:
         print(f"wrote {file.path}: {', '.join(f'{topic} ({count})' for topic, count in file.counts.items())}")
     same = check is None or check.strip().lower() == replay.digest

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Collection, Iterator
@@ -239,6 +240,54 @@ def test_messages_that_are_cut_off_are_refused_one_by_one(replay: Make) -> None:
     run = replay(CutOff([level(), *others], "/terrain_collider"), {"use_sim_time": True})
     run.run()
     assert run.refused == {f"{topic}: malformed": 1 for topic, *_ in others}
+
+
+@pytest.mark.parametrize(
+    ("message", "words"),
+    [
+        (("heightmap", 0.0, TFMessage(transforms=[TransformStamped()])),
+         "heightmap has tf2_msgs/msg/TFMessage, and must have smartmesh_msgs/msg/Heightmap"),
+        (("spawn_body", 0.0, SetBool.Request()), "has std_srvs/srv/SetBool_Event, and must have smartmesh_msgs/srv/"),
+        (("pause", 0.0, Clock()), "pause is a service: it takes std_srvs/srv/SetBool_Request, and was given a ros"),
+        (("pause", 0.0, SetBool.Response()), "pause was given a SetBool_Response; it must be a message or the request"),
+        (("pause", 0.0, {"data": True}), "pause was given a dict; it must be a message or the request of a service"),
+        (("pause", float("nan"), SetBool.Request()), "the time of /terrain_collider/pause is nan; it must be a number"),
+        (("hightmap", 0.0, level()[2]), "has no input or service hightmap; did you mean 'heightmap'"),
+        (("puse", 0.0, SetBool.Request()), "/terrain_collider has no input or service puse; did you mean 'pause'"),
+        (("/puse", 0.0, SetBool.Request()), "/terrain_collider has no input or service /puse; did you mean 'pause'"),
+    ],
+)  # fmt: skip
+def test_a_message_of_a_list_that_nothing_takes_is_refused(replay: Make, message: Message, words: str) -> None:
+    """What else is refused: test_command.py."""
+    with pytest.raises(InputError, match=re.escape(words)):
+        replay([level(), message])
+
+
+def test_parameters_may_be_in_groups_as_in_a_file(replay: Make) -> None:
+    run = replay([level()], {"physics": {"rate": 480.0, "gravity": [0.0, 0.0, -1.6]}, "terrain.settle": 0.1})
+    assert run.world.dt == pytest.approx(1.0 / 480.0) and run.world.config.physics.gravity == (0.0, 0.0, -1.6)
+
+
+def test_what_a_run_has_not_is_named_with_what_would_be_right(replay: Make) -> None:
+    run = replay([level()], {"publish.tf": 50.0, "use_sim_time": False}, keep=["contacts", "/tf", "/clock"])
+
+    def refuses(words: str, action: Callable[[], Any]) -> None:
+        with pytest.raises(InputError, match=re.escape(words)):
+            action()
+
+    refuses("no output contact; did you mean 'contacts'", lambda: replay([level()], keep=["contact"]))
+    refuses("'physics.rat' is unknown; did you mean", lambda: replay([level()], {"physics.rat": 480.0}))
+    refuses("'physics.rat' is unknown; did you mean", lambda: replay([level()], {"physics": {"rat": 480.0}}))
+    refuses("'physics.rat' is unknown; did you mean", lambda: run.set(physics__rat=480.0))
+    refuses("terrain.input is fixed after the start", lambda: run.set(terrain__input="image"))
+    refuses("no input hightmap; did you mean 'heightmap'", lambda: run.give("hightmap", level()[2]))
+    refuses("no input contacts; it has body_poses, heightmap, ", lambda: run.give("contacts", level()[2]))
+    refuses("takes smartmesh_msgs/msg/Heightmap, and was given a Clock", lambda: run.give("heightmap", Clock()))
+    refuses("no service puse; did you mean 'pause'", lambda: run.call("puse", SetBool.Request()))
+    refuses("pause takes std_srvs/srv/SetBool_Request, and was given a Clock", lambda: run.call("pause", Clock()))
+    refuses("joint_states is not kept; name it in keep=['joint_states']", lambda: run.received("joint_states"))
+    run.run(0.1)
+    assert not run.refused and run.world.dt == pytest.approx(1.0 / 240.0)
 
 
 def test_bytes_without_chance_are_those_of_the_message(replay: Make) -> None:
