@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import Odometry
 from smartmesh_msgs.msg import HeightmapUpdate
 from tf2_msgs.msg import TFMessage
@@ -54,6 +55,12 @@ def test_decks_follow_a_frame_and_an_odometry(now: list[float]) -> None:
         for tile, frame in (("ferry", "ferry/base_link"), ("barge", "")):
             node.give("heightmap", heightmap_message(FLAT, resolution=0.25, origin=ORIGIN, tile=tile, frame_id=frame))
         assert max(node.play(now, 4.0, 0.02, sail, error)[240:]) < 0.002
+        _, words, values = node.node._outputs._diagnostics._terrain()
+        assert "pose" not in words and float(values["age of deck 'ferry' [s]"]) < 0.1
+        now[0] += 3.0
+        level, words, values = node.node._outputs._diagnostics._terrain()
+        assert level == DiagnosticStatus.WARN and words == "no pose comes of the decks barge, ferry, which rest"
+        assert values["tiles of deck 'ferry'"] == 1
 
 
 def test_a_deck_moves_on_at_the_velocity_that_its_odometry_states() -> None:

@@ -76,6 +76,7 @@ def test_parameters_that_have_no_effect_are_warned_about(
     """Unknown ones, and those of a file for other nodes alone: files are for those that ROS takes them for."""
     arguments = ["--ros-args", "-r", "__ns:=/robot"]
     for number, text in enumerate((
+        "/**: {ros__parameters: {decks: [{deck: ferry, frame: ship}]}}",
         "/**: {ros__parameters: {physics.rate: 100.0}}",
         "robot: {terrain_collider: {ros__parameters: {physics.sleep: false}}}",
         "/*/terrain_collider: {ros__parameters: {terrain.motion: hold}}",
@@ -88,7 +89,9 @@ def test_parameters_that_have_no_effect_are_warned_about(
     with made_with(TerrainCollider, {"terrain.motoin": "hold"}, arguments[1:]) as node:
         physics, motion = node.settings.world.physics, node.settings.motion
         assert (physics.rate, physics.sleep, motion.mode) == (100.0, False, "hold")
-    unknown, stray = (line for line in logged().splitlines() if "[WARN]" in line)
+    deck, unknown, stray = (line for line in logged().splitlines() if "[WARN]" in line)
+    entries = "is unknown and has no effect; each entry of 'decks' is a text in quotes: \"{...}\""
+    assert f"parameter 'decks.deck' {entries}" in deck
     assert "parameter 'terrain.motoin' is unknown and has no effect; did you mean 'terrain.motion'?" in unknown
     assert f"{file} has no effect: it is for /terrain_collider, and this node is /robot/terrain_collider" in stray
 
