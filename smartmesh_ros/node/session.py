@@ -295,4 +295,5 @@ class Session:
         """Raises `InputError` if ``frame_id`` is too long, or neither empty nor the terrain's frame."""
         require_name(frame_id)
         if self.frame_id and frame_id and frame_id != self.frame_id:
-            raise InputError("frame", f"frame {frame_id!r} is not the terrain's frame {self.frame_id!r}")
+            decks = "".join(f", nor {entry.frame!r} of deck {entry.deck!r}" for entry in self.settings.decks[:5])
+            raise InputError("frame", f"frame {frame_id!r} is not the terrain's frame {self.frame_id!r}{decks}")

@@ -9,7 +9,7 @@ from nav_msgs.msg import Odometry
 from smartmesh_msgs.msg import HeightmapUpdate
 from tf2_msgs.msg import TFMessage
 
-from smartmesh_ros import BodyState, Box
+from smartmesh_ros import BodyState, Box, InputError
 from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.testing import heightmap_message, mesh_message, pose_message
@@ -104,6 +104,8 @@ def test_maps_in_the_frame_of_a_deck_are_its_maps_and_a_reset_keeps_them() -> No
     with fed({"decks": [FERRY], "frame_id": "map"}) as node:
         node.give("heightmap", heightmap_message(FLAT, resolution=0.25, origin=ORIGIN, frame_id="ferry/base_link"))
         assert node.world.terrain.empty
+        with pytest.raises(InputError, match="not the terrain's frame 'map', nor 'ferry/base_link' of deck 'ferry'"):
+            node.node.session.require_frame("ferry")
 
         def sail(height: float) -> None:
             frame = transform_message(node, "map", "ferry/base_link", (0.0, 0.0, height))

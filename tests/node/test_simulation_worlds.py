@@ -172,6 +172,7 @@ def test_what_is_there_is_listed(run: Replay, worlds: Path) -> None:
     elsewhere = done(run, "get_spawnables", sources=[str(worlds), "/etc", "http://host"])
     assert len(elsewhere.spawnables) == 1
     assert all(source in elsewhere.result.error_message for source in ("/etc", "http://host"))
+    assert "send the text" not in elsewhere.result.error_message, "a folder has none"
     r, gone = srv.GetAvailableWorlds.Response, [str(worlds / "gone"), str(worlds)]
     for code, count, fields in (
         (OK, 2, {"additional_sources": [worlds.as_uri()], "offline_only": True}),
