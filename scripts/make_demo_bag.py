@@ -4,25 +4,24 @@ wheels, and beside the bag a parameter file with the demo's bodies.
 scripts/workspace run dev -- python scripts/make_demo_bag.py out/demo_bag
 """
 
-import argparse
 import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import yaml
-from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.scenes.eight import robot_file
-from smartmesh_ros.tools.demo.demo import PLACES, ROBOT, SOURCE, WHEELS
-from smartmesh_ros.tools.demo.terrain_source import SPECS, make_scene
-from smartmesh_ros.tools.testing import bags, heightmap_message
+from smartmesh_ros.startup.arguments import Parser
+from smartmesh_ros.tools.demo.demo import DRIVE, PLACES, ROBOT, SOURCE
+from smartmesh_ros.tools.demo.terrain_source import SPECS, make_scene, map_of
+from smartmesh_ros.tools.testing import bags
 
 START = 1_700_000_000.0  # stamps in the past, like those of a recorded bag [s]
 SECONDS = 8.0  # length of the bag [s]
 COMMAND_RATE = 4.0
-WHEEL_SPEED = 6.0  # [rad/s]
 SHAPES = ("{shape: sphere, size: [0.25]", "{shape: box, size: [0.6, 0.4, 0.3]", "{shape: cylinder, size: [0.4, 0.25]")
 
 
@@ -30,15 +29,12 @@ def messages(seconds: float) -> Iterator[tuple[str, float, Any]]:
     """Yield (topic, time [s], message) in the order of time."""
     scene = make_scene({**{spec.name: spec.default for spec in SPECS}, **SOURCE})
     rate = float(SOURCE["rate"])  # type: ignore[arg-type]
-    place = scene.geometry
     for number in range(math.floor(seconds * rate)):
         time = START + number / rate
-        heights, stamp = scene.heights(number / rate), stamp_of(time)
-        message = heightmap_message(heights, resolution=place.resolution, origin=place.origin, stamp=stamp)
-        yield "/terrain_collider/heightmap", time, message
+        header = Header(stamp=stamp_of(time), frame_id="map")
+        yield "/terrain_collider/heightmap", time, map_of(header, scene.geometry, scene.heights(number / rate))
         if number % round(rate / COMMAND_RATE) == 0:
-            command = JointState(name=WHEELS, velocity=[WHEEL_SPEED] * len(WHEELS))
-            yield "/terrain_collider/joint_commands", time, command
+            yield "/terrain_collider/joint_commands", time, DRIVE
 
 
 def bodies() -> list[str]:
@@ -60,6 +56,6 @@ def write(path: Path) -> Path:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__)
     parser.add_argument("path", type=Path, help="folder of the bag, which does not exist yet")
     write(parser.parse_args().path)

@@ -24,8 +24,8 @@ from smartmesh_ros.tools.testing.process import start_command
 
 # Executables by name, whose modules `tests.preloaded_modules` imports.
 ENTRY_POINTS = ("fleet_front", "terrain_collider", "terrain_score", "terrain_sensor", "terrain_source")
-# Variables that are read when a participant of DDS is created, after the imports.
-READ_LATE = {"FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANGE"}
+# Variables that are read after the imports: with the context, and with the participant of DDS.
+READ_LATE = {"FASTRTPS_DEFAULT_PROFILES_FILE", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOG_DIR"}
 
 _context = multiprocessing.get_context("forkserver")
 _context.set_forkserver_preload(["tests.preloaded_modules"])

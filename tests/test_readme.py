@@ -1,12 +1,16 @@
-"""The pages name what exists. The README's code: tests/newcomer/test_wheel.py and tests/node/test_tutorial.py."""
+"""The pages name what exists, and their programs without ROS run. The README's code: tests/newcomer/test_wheel.py;
+programs with ROS: tests/node/test_tutorial.py."""
 
 import re
 from pathlib import Path
 
+import pytest
 import yaml
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
+# Imports of programs that other tests run, because these need a node, or another simulator.
+ELSEWHERE = ("rclpy", "smartmesh_msgs", "smartmesh_ros.tools")
 
 
 def test_the_page_of_parameters_is_that_of_the_node() -> None:
@@ -30,6 +34,24 @@ def test_parameters_that_the_pages_name_exist() -> None:
         for name in re.findall(r"`(\w+\.\w+)(?::[^`]*)?`", page.read_text()):
             if name.partition(".")[0] in groups and not name.endswith((".py", ".xml", ".yaml", ".json")):
                 assert name in names, f"{page.name}: {name}"
+
+
+def programs() -> dict[str, str]:
+    """The programs without ROS of each page that has some."""
+    found = {}
+    for page in sorted((ROOT / "docs").glob("*.md")):
+        codes = re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL)
+        alone = [code for code in codes if "import " in code and not any(words in code for words in ELSEWHERE)]
+        if alone:
+            found[page.stem] = alone
+    return found
+
+
+@pytest.mark.parametrize("page", programs())
+def test_programs_of_the_pages_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for code in programs()[page]:
+        exec(compile(code, f"{page}.md", "exec"), {"__name__": page})
 
 
 def test_links_lead_somewhere() -> None:

@@ -36,21 +36,25 @@ def load(path: str | Path, config: RasterConfig | None = None, max_samples: int 
     path, config = expanded(path), config or RasterConfig()
     if path.suffix.lower() not in KINDS:
         raise InputError("file", f"{path} has an unknown file type; terrain files end in {', '.join(KINDS)}")
-    if not path.is_file():
-        raise InputError("file", f"there is no file {path}")
     try:
+        if not path.is_file():
+            raise InputError("file", f"there is no file {path}")
         if path.suffix.lower() in GEOREFERENCED:
             return _georeferenced(path, config, max_samples)
         values = _array(path, max_samples) if path.suffix.lower() == ".npy" else _image(path, max_samples)
     except InputError:
         raise
-    except Exception as error:  # noqa: BLE001  # the libraries' errors of spoilt files have no common base
+    except Exception as error:  # noqa: BLE001  # those of the libraries and of the folder have no common base
         raise InputError("file", f"{path} cannot be read: {error}") from None
     return from_image(values, config)
 
 
 def _array(path: Path, max_samples: int) -> NDArray[Any]:
-    mapped = np.load(path, mmap_mode="r", allow_pickle=False)
+    try:
+        mapped = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (ValueError, EOFError):  # NumPy's words propose to load it unsafely
+        words = "cannot be read: it is no array of numbers; write one by numpy.save"
+        raise InputError("file", f"{path} {words}") from None
     if not isinstance(mapped, np.ndarray):
         raise InputError("type", f"{path} is an archive of arrays, as of numpy.savez; write one array by numpy.save")
     _require_size(path, mapped.shape, max_samples)

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.checked_heights import unmasked
-from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.terrain.grid import GridGeometry, geometry_of
 from smartmesh_ros.terrain.material import MOST_SOILS, Material, require_layer
 
 FloatGrid = NDArray[np.float32]
@@ -81,7 +80,7 @@ class RasterConfig:
 def scaled(values: NDArray[Any], config: RasterConfig) -> FloatGrid:
     """Return values as heights [m]; non-finite values become holes."""
     with np.errstate(over="ignore", invalid="ignore"):  # too large values become infinity, and so holes
-        heights = unmasked(values).astype(np.float32)
+        heights = values.astype(np.float32)
         if config.scale != 1.0:
             heights *= np.float32(config.scale)
         if config.offset != 0.0:
@@ -93,16 +92,12 @@ def scaled(values: NDArray[Any], config: RasterConfig) -> FloatGrid:
 
 def from_image(values: NDArray[Any], config: RasterConfig) -> Raster:
     """Return an image of heights (rows, columns) as a raster, placed by the configuration."""
-    if values.ndim != 2:
-        raise InputError("length", f"the image has shape {values.shape}; heights need one channel: (rows, columns)")
-    values = unmasked(values)
     heights = scaled(values, config)
     if config.zero_is_hole:
         heights[values == 0] = np.nan
     if config.first_row == "top":
         heights = heights[::-1]
-    rows, columns = heights.shape
-    geometry = GridGeometry(rows=rows, columns=columns, resolution=config.resolution, origin=config.origin)
+    geometry = geometry_of(heights.shape, config.resolution, config.origin, 0.0)
     return Raster(geometry, np.ascontiguousarray(heights))
 
 
@@ -122,7 +117,6 @@ def from_grid_map(
     A grid map is a circular buffer: ``start`` is the index of its first cell in space, and scrolling moves ``start``
     instead of the cells. ``centre`` (x, y) [m]: middle of the map. Heights belong to the centres of cells.
     """
-    cells, variances = unmasked(cells), None if variances is None else unmasked(variances)
     along_x, along_y = cells.shape
     if not (0 <= start[0] < along_x and 0 <= start[1] < along_y):
         raise InputError("region", f"the circular buffer starts at {start}, outside its {along_x} x {along_y} cells")
@@ -130,7 +124,7 @@ def from_grid_map(
     certainty = None if variances is None else np.float32(config.scale**2) * _unrolled(variances, start)
     x = centre[0] - 0.5 * (along_x - 1) * resolution
     y = centre[1] - 0.5 * (along_y - 1) * resolution
-    geometry = GridGeometry(rows=along_y, columns=along_x, resolution=resolution, origin=(x, y, 0.0))
+    geometry = geometry_of(heights.shape, resolution, (x, y), 0.0)
     ground = (material or Material()).each(lambda name, layer: from_numbers(name, _unrolled(layer, start)))
     return Raster(geometry, heights, certainty, ground)
 
@@ -167,24 +161,21 @@ def from_cells(heights: FloatGrid, *, corner: tuple[float, float, float], yaw: f
     """
     cos, sin, half = math.cos(yaw), math.sin(yaw), 0.5 * resolution
     origin = (corner[0] + half * (cos - sin), corner[1] + half * (sin + cos), corner[2])
-    rows, columns = heights.shape
-    return Raster(GridGeometry(rows=rows, columns=columns, resolution=resolution, origin=origin, yaw=yaw), heights)
+    return Raster(geometry_of(heights.shape, resolution, origin, yaw), heights)
 
 
 def from_points(points: NDArray[np.float64], config: RasterConfig) -> Raster:
     """Return an organised cloud (rows, columns, 3) [m] over a uniform grid as a raster; NaN points become holes."""
-    points = unmasked(points)
     with np.errstate(all="ignore"):
         known = np.isfinite(points.sum(axis=2))
-    fit = _fitted_grid(points, known)
-    along_columns, along_rows = fit[1], fit[2]
+    first, along_columns, along_rows = _fitted_grid(points, known)
     resolution = float(np.hypot(*along_columns))
     mirrored = bool(along_columns[0] * along_rows[1] < along_columns[1] * along_rows[0])
     turned = np.array([-along_columns[1], along_columns[0]]) * (-1.0 if mirrored else 1.0)
     rows, columns = known.shape
     off = 0.0
     for axis in range(2):
-        places = fit[0, axis] + along_columns[axis] * np.arange(columns) + turned[axis] * np.arange(rows)[:, None]
+        places = first[axis] + along_columns[axis] * np.arange(columns) + turned[axis] * np.arange(rows)[:, None]
         off = max(off, float(np.abs(places - points[..., axis]).max(where=known, initial=0.0)))
     if not off <= GRID_TOLERANCE * resolution:
         raise InputError(
@@ -194,12 +185,11 @@ def from_points(points: NDArray[np.float64], config: RasterConfig) -> Raster:
         )
     heights = scaled(points[..., 2], config)
     heights[~known] = np.nan
-    first = fit[0]
     if mirrored:
         first = first + (rows - 1) * turned
         heights = np.ascontiguousarray(heights[::-1])
-    yaw, origin = math.atan2(along_columns[1], along_columns[0]), (float(first[0]), float(first[1]), 0.0)
-    return Raster(GridGeometry(rows=rows, columns=columns, resolution=resolution, origin=origin, yaw=yaw), heights)
+    yaw = math.atan2(along_columns[1], along_columns[0])
+    return Raster(geometry_of(heights.shape, resolution, first.tolist(), yaw), heights)
 
 
 def _fitted_grid(points: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -17,6 +17,8 @@ from smartmesh_ros.world.robots.quantities import check_quantities
 LONGEST, MOST_LINKS = 10_000_000, 1000
 # Most allowed folders that a refusal names.
 MOST_FOLDERS = 3
+# What a refusal of a description's path proposes. It would not help a mesh, which must be allowed in a text, too.
+AS_TEXT = ", or send the text instead of the path"
 
 
 def checked_urdf(urdf: str, folders: Sequence[Path]) -> str:
@@ -38,19 +40,33 @@ def checked_urdf(urdf: str, folders: Sequence[Path]) -> str:
         for collision in robot.collisions(link):
             for mesh in collision.iter("mesh"):
                 name = mesh.get("filename", "")
-                named = named_file(name, robot.folder)
-                require_inside(named, folders, f"the URDF names the file {name!r}, which")
+                named = _named_mesh(name, robot.folder)
+                require_inside(named, folders, f"the URDF names the file {name!r}, which", cure="")
     return urdf
 
 
-def require_inside(path: Path, folders: Sequence[Path], what: str) -> Path:
-    """Return the resolved path of a file or folder; raises `InputError` if it is in none of the allowed ``folders``."""
+def _named_mesh(name: str, folder: Path | None) -> Path:
+    """Do what `named_file` does; the error about a text says that it has no folder."""
+    try:
+        return named_file(name, folder)
+    except InputError as error:
+        if folder is not None or error.reason != "no_asset":
+            raise
+        words = (
+            "a text has no folder, so name meshes by their full paths or by package://, or send the path of the file"
+        )
+        raise InputError(error.reason, f"{error}; {words}") from None
+
+
+def require_inside(path: Path, folders: Sequence[Path], what: str, cure: str = AS_TEXT) -> Path:
+    """Return the resolved path of a file or folder; raises `InputError` if it is in none of the allowed ``folders``.
+    ``cure``: what else would be right."""
     resolved = _resolved(path)
     if not any(resolved.is_relative_to(_resolved(folder)) for folder in folders):
         known = listed([*map(str, folders)], MOST_FOLDERS) or "none"
         raise InputError(
-            "folder", f"{what} is not in bodies.urdf_folders: add its folder there, which takes effect at once, or "
-            f"send the text instead of the path; allowed now: {known}"
+            "folder", f"{what} is not in bodies.urdf_folders: add its folder there, which takes effect at once{cure}; "
+            f"allowed now: {known}"
         )  # fmt: skip
     return resolved
 

@@ -61,7 +61,8 @@ class Session:
     """One running node: ``node``, its topics and services, and its ``clock``, of DDS or of a recording.
 
     ``frame_id``: the terrain's frame, empty until a map sets it. ``last_map_time``: steady time of the last accepted
-    terrain message [s], None before the first; ``maps``: number of accepted terrain messages. ``overtaken``: number of
+    terrain message [s], None before the first; ``deck_times``: of the last pose of each deck that follows a frame or an
+    odometry; ``maps``: number of accepted terrain messages. ``overtaken``: number of
     maps that arrived after a map with a newer stamp, by topic. ``lock``: guards the world, for executors with several
     threads. ``handled``: number of messages and calls so far. ``map_warning``: how maps are misused, empty = they are
     not. ``terrain_subscriptions``: subscriptions to terrain. ``topics``: the node's inputs and outputs. ``jumps``:
@@ -94,6 +95,7 @@ class Session:
         self.configure_pacer()
         self.frame_id = settings.frame_id
         self.last_map_time: float | None = None
+        self.deck_times: dict[str, float] = {}
         self.overtaken: Counter[str] = Counter()
         self.maps = 0
         self.map_warning = ""
@@ -293,4 +295,5 @@ class Session:
         """Raises `InputError` if ``frame_id`` is too long, or neither empty nor the terrain's frame."""
         require_name(frame_id)
         if self.frame_id and frame_id and frame_id != self.frame_id:
-            raise InputError("frame", f"frame {frame_id!r} is not the terrain's frame {self.frame_id!r}")
+            decks = "".join(f", nor {entry.frame!r} of deck {entry.deck!r}" for entry in self.settings.decks[:5])
+            raise InputError("frame", f"frame {frame_id!r} is not the terrain's frame {self.frame_id!r}{decks}")

@@ -149,12 +149,9 @@ class Rut(Scene):
         return Region(rows.start, columns.start, self._ground[rows, columns].copy())
 
 
-def jacksboro_fault(relief: float | None = None) -> NDArray[np.float32]:
-    """Return the Jacksboro fault, from Matplotlib's sample data: elevations (344, 403) [m], rows northwards along +y,
-    as measured or scaled to 0 .. ``relief`` [m].
-
-    Raises `InputError` if Matplotlib is not installed.
-    """
+def jacksboro_fault(relief: float) -> NDArray[np.float32]:
+    """Return the Jacksboro fault, from Matplotlib's sample data: elevations (344, 403) scaled to 0 .. ``relief`` [m],
+    rows northwards along +y. Raises `InputError` if Matplotlib is not installed."""
     try:
         from matplotlib.cbook import get_sample_data
     except ModuleNotFoundError:
@@ -162,10 +159,8 @@ def jacksboro_fault(relief: float | None = None) -> NDArray[np.float32]:
     data: Any = get_sample_data("jacksboro_fault_dem.npz")
     with data:
         elevation = np.asarray(data["elevation"], np.float32)[::-1]  # the file's rows run southwards
-    if relief is not None:
-        low, high = float(elevation.min()), float(elevation.max())
-        elevation = (elevation - low) * np.float32(relief / (high - low))
-    return np.ascontiguousarray(elevation, np.float32)
+    low, high = float(elevation.min()), float(elevation.max())
+    return np.ascontiguousarray((elevation - low) * np.float32(relief / (high - low)), np.float32)
 
 
 def resampled(heights: FloatGrid, rows: FloatArray, columns: FloatArray) -> FloatArray:

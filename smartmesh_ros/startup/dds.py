@@ -116,12 +116,9 @@ def in_use(number: int) -> bool:
 def _lock_free_domain() -> tuple[socket.socket, int]:
     for number in CANDIDATES:
         lock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        try:
+        with suppress(OSError):
             lock.bind(("127.0.0.1", LOCK_PORT + number))
-        except OSError:
-            lock.close()
-            continue
-        if not in_use(number):
-            return lock, number
+            if not in_use(number):
+                return lock, number
         lock.close()
     raise RuntimeError(f"every DDS domain from {CANDIDATES.start} to {CANDIDATES.stop - 1} is in use on this machine")

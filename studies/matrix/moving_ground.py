@@ -40,8 +40,7 @@ def _launch(speed: float, method: Method) -> float:
 def drags(method: Method) -> float:
     """Error [%] of the speed of a box on level ground that slides sideways at 0.5 m/s: the map's origin moves."""
     with Arena(method, size=41) as arena:
-        arena.spawn("box", Box(0.4, 0.4, 0.2), (0.013, 0.017, 0.1))
-        arena.settle(0.25)
+        arena.rest_of(Box(0.4, 0.4, 0.2), (0.013, 0.017, 0.1), 0.25)
         geometry = square(41, 0.25)
         for step in range(240):
             if step % 4 == 0:
@@ -67,8 +66,7 @@ def falls_away(method: Method) -> float:
 def floats(method: Method) -> float:
     """Largest gap or penetration [mm] of a ball on level ground that heaves by 0.5 m every 2 s, well below g."""
     with Arena(method, {"kind": "heave", "height": 0.5, "period": 2.0}, **LIFTED) as arena:
-        arena.spawn("ball", BALL, START)
-        arena.settle(0.5)
+        arena.rest_of(BALL, START, 0.5)
         return 1e3 * arena.most(2.0, lambda: abs(float(arena.clearances()[0])))
 
 
@@ -189,9 +187,7 @@ def teleports(method: Method) -> float:
 def maps_change(method: Method) -> float:
     """Largest rise or fall [mm] of a box at rest while maps of other sizes and resolutions replace its own."""
     with Arena(method) as arena:
-        arena.spawn("box", Box(0.4, 0.4, 0.2), (0.013, 0.017, 0.1))
-        arena.settle(1.0)
-        before, worst = arena.positions()[0, 2], 0.0
+        before, worst = arena.rest_of(Box(0.4, 0.4, 0.2), (0.013, 0.017, 0.1))[2], 0.0
         for size, resolution in ((101, 0.1), (41, 0.3), (151, 0.05), (31, 0.5)):
             level = HeightMap(np.zeros((size, size)), geometry=square(size, resolution), time=arena.world.time)
             arena.world.terrain.put("", level)
@@ -202,9 +198,7 @@ def maps_change(method: Method) -> float:
 def sinks_beside(method: Method) -> float:
     """How far [mm] a box is above 10 cm under its place, a second after all but the nearest sample sank by 1 m."""
     with Arena(method, {"kind": "noise", "deviation": 0.01}) as arena:
-        arena.spawn("box", Box(0.3, 0.3, 0.2), (0.1, 0.05, 0.15))
-        arena.settle(1.0)
-        before = arena.positions()[0]
+        before = arena.rest_of(Box(0.3, 0.3, 0.2), (0.1, 0.05, 0.15))
         nearest = np.rint(arena.geometry.to_grid(before[:2])).astype(int)
         sunk = arena.heightmap.heights - 1.0
         sunk[nearest[0], nearest[1]] += 1.0

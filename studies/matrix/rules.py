@@ -43,14 +43,13 @@ def edits_as_rebuilt(method: Method) -> float:
 def raised_above_all(method: Method) -> float:
     """Error [mm] of the rest height on ground 5 m above all that was seen before."""
     with Arena(method, size=21) as arena:
-        arena.spawn("ball", Sphere(0.2), (0.013, 0.017, 0.2))
-        arena.settle(0.25)
+        arena.rest_of(Sphere(0.2), (0.013, 0.017, 0.2), 0.25)
         heights = np.full((21, 21), 5.0)
         heights[10, 10] = 4.0  # the nearest sample: all others are above it, and above what was there at first
         arena.heightmap.replace(heights, time=20.0)
         arena.world.time = 21.0
         arena.world.client.resetBasePositionAndOrientation(
-            arena.world.bodies["ball"].uid, (0.62, 0.63, 5.25), (0, 0, 0, 1)
+            arena.world.bodies["body"].uid, (0.62, 0.63, 5.25), (0, 0, 0, 1)
         )
         arena.settle(0.5)
         return 1e3 * abs(float(arena.positions()[0, 2]) - 5.2)
@@ -73,8 +72,7 @@ def doubled_patch(method: Method) -> float:
     forces = []
     for rings in (2, 4):
         with Arena(replace(method, rings=rings), {"kind": "sinusoid", "amplitude": 0.02, "wavelength": 2.0}) as arena:
-            arena.spawn("box", Box(0.4, 0.3, 0.2), (0.25, 0.25, 0.15))
-            arena.settle(1.0)
+            arena.rest_of(Box(0.4, 0.3, 0.2), (0.25, 0.25, 0.15))
             each = []
             for _ in arena.run(0.5):
                 contacts = arena.world.contacts()
@@ -87,9 +85,7 @@ def bad_input(method: Method) -> float:
     """How far [mm] a ball moves while maps of wrong size, with infinities and beyond the rim come; infinite where one
     is taken."""
     with Arena(method) as arena:
-        arena.spawn("ball", Sphere(0.2), (0.013, 0.017, 0.2))
-        arena.settle(1.0)
-        before = arena.positions()[0]
+        before = arena.rest_of(Sphere(0.2), (0.013, 0.017, 0.2))
         beyond = partial(arena.heightmap.update_region, 55, 0, np.ones((9, 9)), time=arena.world.time)
         for take in (partial(arena.tell, np.zeros((60, 61))), partial(arena.tell, np.full((61, 61), np.inf)), beyond):
             try:

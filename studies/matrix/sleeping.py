@@ -41,8 +41,7 @@ def play(
         world = arena.world
         build(arena)
         arena.settle(SETTLED)
-        asleep = world.ground.contacts.core.find_asleep()
-        awake = [follower.name for follower in world.followers if follower.solid and follower.slot not in asleep]
+        awake = [name for name in world.bodies if not world.is_asleep(name)]
         if sleep and awake:
             raise InputError("method", f"these bodies did not fall asleep: {', '.join(awake)}")
         for step in range(steps):

@@ -45,17 +45,10 @@ def run_stranger(name: str, *, moving: bool, braked: bool) -> Stranger:
     ground = RoughHills(square(SAMPLES, SPACING), HEAVING if moving else STILL)
     physics, period = PhysicsConfig(sleep=False), 2.0 * math.pi / HEAVING.frequency
     with Arena(None, ground, map_rate=MAP_RATE if moving else 0.0, physics=physics) as arena:
-        world, client = arena.world, arena.world.client
+        world = arena.world
         world.spawn_robot(name, str(STRANGERS[name]), BodyState(), on_ground=True, clearance=0.02)
-        body = world.bodies[name]
-        # A brake at zero would push against limits that exclude zero.
-        for joint in body.joints.values():
-            low, high = client.getJointInfo(body.uid, joint)[8:10]
-            if low <= high:  # PyBullet gives -1 as the upper limit of joints without limits
-                client.resetJointState(body.uid, joint, min(max(0.0, low), high), 0.0)
-        world.ground.wake(body.uid)
-        for one in body.joints if braked else ():
-            world.command(name, one, JointCommand(velocity=0.0))
+        for joint in world.bodies[name].joints if braked else ():
+            world.command(name, joint, JointCommand(velocity=0.0))
         arena.settle(SECONDS - PERIODS * period)
         before = world.state(name).position[:2]
         arena.settle(PERIODS * period)

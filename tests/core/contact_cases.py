@@ -27,6 +27,16 @@ RIM = 6
 SHAPES = ("ball", "capsule", "box", "cylinder", "hull", "wheel", "turned wheel", "lattice", "mesh")
 
 
+def contacts_of(
+    shape: Any, ground: HeightMap | TriangleMesh, turn: np.ndarray, at: ArrayLike, margin: float,
+    motion: ArrayLike = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), duration: float = 1.0 / 240.0,
+) -> np.ndarray:  # fmt: skip
+    """Returns the contacts, one a row, of a shape at a pose in a step of a ``duration`` [s]. ``motion``: velocity [m/s]
+    and angular velocity [rad/s]; ``margin`` [m]: distance up to which contacts are looked for."""
+    pose = np.vstack([turn, at])
+    return np.asarray(_core.find_contacts(shape, [ground.core_reader], pose, np.array(motion), duration, margin))
+
+
 def vectors(points: np.ndarray) -> Any:
     made = coal.StdVec_Vec3s()
     for point in points:
@@ -205,9 +215,8 @@ class Case:
 
     def contacts(self, way: ArrayLike = (0.0, 0.0, 0.0), *, with_mesh: bool = False) -> np.ndarray:
         """Returns the contacts in a step of one second, in which the body goes a ``way`` [m]."""
-        tile = (self.ground.mesh if with_mesh else self.ground.heightmap).core_reader
-        pose, motion = np.ascontiguousarray(np.vstack([self.turn, self.position])), np.array([way, (0.0, 0.0, 0.0)])
-        return np.asarray(_core.find_contacts(self.body.core, [tile], pose, motion, 1.0, self.margin))
+        ground, motion = self.ground.mesh if with_mesh else self.ground.heightmap, (way, (0.0, 0.0, 0.0))
+        return contacts_of(self.body.core, ground, self.turn, self.position, self.margin, motion, 1.0)
 
     def distance(self, within: float, deep: bool = False) -> float:
         """Returns coal's least signed distance [m] from the facets, infinite if it is above ``within`` [m]."""

@@ -8,7 +8,6 @@ from smartmesh_ros import HeightMap, MotionConfig
 from smartmesh_ros.core import CORE
 from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.terrain.motion import KEPT
-from smartmesh_ros.terrain.trimesh import TriangleMesh, grid_triangles
 from smartmesh_ros.world.state_table import LIMITS
 from tests.bodies import TETRAHEDRON
 from tests.core.entries import COLUMNS, ROWS, Arguments, Entry, clock_bytes, grid_of, new_grid
@@ -60,14 +59,6 @@ def contacts() -> Arguments:
     }  # fmt: skip
 
 
-def vertices() -> Arguments:
-    places = np.stack([*np.divmod(np.arange(12), 4), np.zeros(12)], axis=1)
-    return {
-        "mesh": TriangleMesh(places, grid_triangles(3, 4)).core_reader, "indices": np.arange(12), "time": 0.1,
-        "ahead": 0.1,
-    }  # fmt: skip
-
-
 def lattice() -> Any:
     return CORE.SampleLattice(ROWS, COLUMNS, 10)
 
@@ -76,9 +67,10 @@ def placed() -> Arguments:
     return {"heights": floats(ROWS, COLUMNS), "z": 0.0, "first": (5, -7), "least": 0.001}
 
 
-def corrected() -> Any:
-    grid = new_grid()
-    grid.set_motion(3, 25.0, 0.2, 0.0, 0.0)
+def corrected(settle: float = 0.2, **clock: float) -> Any:
+    """Return a map of the core that is corrected within ``settle`` [s], with these fields in its clocks."""
+    grid = new_grid(**clock)
+    grid.set_motion(3, 25.0, settle, 0.0, 0.0)
     return grid
 
 
@@ -123,17 +115,6 @@ def faults() -> Arguments:
 
 def near_any(states: Any, radii: Any, margins: Any, attached: Any) -> Any:
     return CORE.near_any((states, radii, margins), 0.1, attached, 0.1)
-
-
-def soil() -> Arguments:
-    return {
-        "grid": new_grid(), "kinds": np.zeros((ROWS, COLUMNS), np.uint8),
-        "soils": np.array([[1e6, 0.0, 1.0, 0.0, 0.5, 0.01, 2e8, 3e4]]), "spacing": 0.5,
-    }  # fmt: skip
-
-
-def above_grid() -> Arguments:
-    return {"shape": BodyShape.box((0.2, 0.2, 0.2)), "points": zeros(2, 5), "spacing": 0.1}
 
 
 def patches() -> Any:
@@ -201,7 +182,9 @@ ENTRIES = {
         "grid": new_grid(), "row": 0, "column": 0, "time": 0.0, "heights": np.zeros((COUNT, COUNT)),
     }, written=("heights",), any_shape=("heights",), finite=("time",)),
     "sample_mesh": Entry(
-        CORE.sample_mesh, vertices, rows=("indices",), within=(("indices", 12),), finite=("time", "ahead"),
+        CORE.sample_mesh, lambda: {
+            "mesh": new_mesh(known=KEPT, newest=1, lifetime=1.0), "indices": np.arange(4), "time": 0.1, "ahead": 0.1,
+        }, rows=("indices",), within=(("indices", 4),), finite=("time", "ahead"),
     ),
     "has_infinity": Entry(CORE.has_infinity, lambda: {"samples": floats(3, 4)}, any_shape=("samples",)),
     "take_rectangle": Entry(CORE.take_rectangle, lambda: {
@@ -255,6 +238,11 @@ ENTRIES = {
         lambda: {"content": np.ones(500, np.uint8), "at": 0, "rows": np.zeros((3, 140), np.uint8)},
         written=("rows",), any_shape=("content", "rows"),
     ),
-    "Soil": Entry(CORE.Soil, soil, rows=("soils",)),
-    "shape_above_grid": Entry(CORE.shape_above_grid, above_grid, rows=("points",)),
+    "Soil": Entry(CORE.Soil, lambda: {
+        "grid": new_grid(), "kinds": np.zeros((ROWS, COLUMNS), np.uint8),
+        "soils": np.array([[1e6, 0.0, 1.0, 0.0, 0.5, 0.01, 2e8, 3e4]]), "spacing": 0.5,
+    }, rows=("soils",)),
+    "shape_above_grid": Entry(CORE.shape_above_grid, lambda: {
+        "shape": BodyShape.box((0.2, 0.2, 0.2)), "points": zeros(2, 5), "spacing": 0.1,
+    }, rows=("points",)),
 }  # fmt: skip

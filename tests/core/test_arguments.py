@@ -20,7 +20,6 @@ EXTREMES = {
     "least": lambda kind: np.finfo(kind).min,
     "far": lambda kind: 1e18,
 }
-NO_TILES = (None, [None], [1], [np.zeros(3)], np.zeros(3), "tiles", [[]], [(0, None, 0.0)], [(0, 1)])
 
 
 @pytest.mark.parametrize("entry", ENTRIES)
@@ -84,11 +83,3 @@ def test_numbers_of_any_size_do_no_harm(entry: str, extreme: str) -> None:
             given[name][..., column] = EXTREMES[extreme](right.dtype)
             with suppress(*REFUSED):
                 ENTRIES[entry].function(**given)
-
-
-@pytest.mark.parametrize("entry", [entry for entry in ENTRIES if "tiles" in ENTRIES[entry].made()])
-def test_only_grids_and_meshes_are_tiles(entry: str) -> None:
-    for wrong in NO_TILES:
-        given: dict[str, Any] = ENTRIES[entry].made() | {"tiles": wrong}
-        with pytest.raises((*REFUSED, RuntimeError)):
-            ENTRIES[entry].function(**given)

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import HeightMap
-from smartmesh_ros.core import _core
 from smartmesh_ros.core.body_shape import BodyShape
-from tests.core.contact_cases import random_rotation, wheel
+from tests.core.contact_cases import contacts_of, random_rotation, wheel
 
 RESOLUTION, DEPTH, MARGIN = 0.05, 1e-4, 1e-3
 # Names of the edges of a body, and of the line along the side of a cylinder.
@@ -35,11 +34,10 @@ def test_no_contact_is_deeper_than_the_way_up(kind: str) -> None:
             "cylinder": (BodyShape.cylinder(a, 2.0 * b), a * across + b * along),
             "hull": (BodyShape.hull(rim, 0.0), -float((rim @ turn[2]).min())),
         }[kind]
-        pose = np.vstack([turn, [*rng.uniform(0.4, 0.75, 2), low - DEPTH]])
+        at = (*rng.uniform(0.4, 0.75, 2), low - DEPTH)
         motion = rng.normal(size=(2, 3)) * rng.choice([0.0, 1.0, 3.0])
-        ground = HeightMap(heights, resolution=RESOLUTION)
-        found = _core.find_contacts(shape, [ground.core_reader], pose, motion, 1.0 / 240.0, MARGIN)
-        assert np.all(np.asarray(found)[:, 6] > -2.1 * DEPTH), seed
+        found = contacts_of(shape, HeightMap(heights, resolution=RESOLUTION), turn, at, MARGIN, motion)
+        assert np.all(found[:, 6] > -2.1 * DEPTH), seed
 
 
 @pytest.mark.parametrize("kind", ["capsule", "box", "cylinder"])
@@ -56,9 +54,8 @@ def test_no_edge_overlaps_a_shape_by_more_than_its_width(kind: str) -> None:
             "box": (BodyShape.box((2.0 * a, 2.0 * b, 2.0 * c)), np.array([a, b, c]), 0.0),
             "cylinder": (BodyShape.cylinder(a, 2.0 * b), np.array([a, 0.0, b]), 0.0),
         }[kind]
-        pose = np.vstack([turn, [*rng.uniform(0.35, 0.45, 2), rng.uniform(-0.2, 0.1)]])
-        ground = HeightMap(heights, resolution=0.1)
-        found = np.asarray(_core.find_contacts(shape, [ground.core_reader], pose, np.zeros((2, 3)), 1 / 240.0, MARGIN))
+        at = (*rng.uniform(0.35, 0.45, 2), rng.uniform(-0.2, 0.1))
+        found = contacts_of(shape, HeightMap(heights, resolution=0.1), turn, at, MARGIN)
         edges = found[np.isin(found[:, 7].astype(np.int64), [EDGES + k for k in range(12)] + [SIDE_LINE])]
         normals = edges[:, 3:6] @ turn
         if kind == "cylinder":

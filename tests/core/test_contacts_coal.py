@@ -19,11 +19,10 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import HeightMap
-from smartmesh_ros.core import _core
 from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.core import contact_cases, mesh_parts
-from tests.core.contact_cases import IDENTITY, SHAPES, Case, Facets, body, distance, random_case
+from tests.core.contact_cases import IDENTITY, SHAPES, Case, Facets, body, contacts_of, distance, random_case
 
 # Poses of each shape; `make contacts` tries 100,000.
 POSES = int(os.environ.get("CONTACT_POSES", "300"))
@@ -153,8 +152,7 @@ def test_normals_are_in_the_cones_of_the_ground(name: str) -> None:
 @pytest.mark.parametrize("form", MESHES)
 def test_distances_from_meshes_are_exact_and_no_shallow_overlap_is_missed(form: str, name: str) -> None:
     vertices, corners = MESHES[form]
-    tile = TriangleMesh(vertices, corners).core_reader
-    facets, wrong, apart, shallow = Facets(vertices[corners]), [], 0, 0
+    mesh, facets, wrong, apart, shallow = TriangleMesh(vertices, corners), Facets(vertices[corners]), [], 0, 0
     for seed in range(120):
         rng = np.random.default_rng(seed)
         made, turn = body(name, 0.1, rng), contact_cases.random_rotation(rng)
@@ -165,9 +163,7 @@ def test_distances_from_meshes_are_exact_and_no_shallow_overlap_is_missed(form: 
         for _ in range(6):  # from the outside to the mesh
             at = at - way * np.clip(facets.distance(made.coal, turn, at, made.reach + 0.05), 0.0, 0.05)
         at = at - way * rng.uniform(-MESH_MARGIN, 0.5 * SHALLOW_IN_MESH)
-        pose = np.ascontiguousarray(np.vstack([turn, at]))
-        contacts = np.asarray(_core.find_contacts(made.core, [tile], pose, np.zeros((2, 3)), 0.0, MESH_MARGIN))
-        found = nearest(contacts)
+        found = nearest(contacts_of(made.core, mesh, turn, at, MESH_MARGIN))
         true = facets.distance(made.coal, turn, at, made.reach + 0.05)
         if true > EXACT:
             apart += 1
@@ -182,23 +178,19 @@ def test_distances_from_meshes_are_exact_and_no_shallow_overlap_is_missed(form: 
     assert apart > 10 and shallow > 5
 
 
-@pytest.mark.parametrize("third", [(0.2, 0.2, 0.0), (0.1, 0.0, 0.0)], ids=["flat", "line"])
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_a_spike_touches_hulls_without_volume_from_either_side(third: tuple[float, ...], side: float) -> None:
+@pytest.mark.parametrize(
+    ("third", "side", "high", "y"),
+    [
+        *((third, side, 4, 0.4) for third in ((0.2, 0.2, 0.0), (0.1, 0.0, 0.0)) for side in (1.0, -1.0)),
+        ((0.0, 0.0, 0.3), 1.0, slice(None), 0.45),  # its rim across a ridge, between two of the samples
+    ],
+    ids=["flat", "flat, turned", "line", "line, turned", "upright"],
+)
+def test_hulls_without_volume_touch_spikes_from_either_side_and_ridges_with_their_rims(
+    third: tuple[float, ...], side: float, high: int | slice, y: float
+) -> None:
     heights = np.zeros((9, 9))
-    heights[4, 4] = 0.1
+    heights[high, 4] = 0.1
     shape = BodyShape.hull(np.array([(-0.2, 0.0, 0.0), (0.2, -third[1], 0.0), third]), 0.0)
-    pose = np.vstack([np.diag([1.0, side, side]), [0.4, 0.4, 0.11]])
-    tile = HeightMap(heights, resolution=0.1).core_reader
-    found = np.asarray(_core.find_contacts(shape, [tile], pose, np.zeros((2, 3)), 0.0, 0.02))
-    assert nearest(found) == pytest.approx(0.01, abs=1e-6)
-
-
-def test_the_rim_of_a_plate_without_thickness_touches_a_ridge() -> None:
-    heights = np.zeros((9, 9))
-    heights[:, 4] = 0.1
-    shape = BodyShape.hull(np.array([(-0.2, 0.0, 0.0), (0.2, 0.0, 0.0), (0.0, 0.0, 0.3)]), 0.0)
-    pose = np.vstack([np.eye(3), [0.4, 0.45, 0.11]])  # across the ridge, between two of its samples
-    tile = HeightMap(heights, resolution=0.1).core_reader
-    found = np.asarray(_core.find_contacts(shape, [tile], pose, np.zeros((2, 3)), 0.0, 0.02))
-    assert nearest(found) == pytest.approx(0.01, abs=1e-6)
+    ground, turn = HeightMap(heights, resolution=0.1), np.diag([1.0, side, side])
+    assert nearest(contacts_of(shape, ground, turn, (0.4, y, 0.11), 0.02)) == pytest.approx(0.01, abs=1e-6)

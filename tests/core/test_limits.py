@@ -17,8 +17,7 @@ from smartmesh_ros.ground.shapes import DIMENSIONS
 from smartmesh_ros.terrain.motion import CLOCK, INTERVALS_KEPT, KEPT
 from smartmesh_ros.world.state_table import LIMITS
 from tests.core.entries import COLUMNS, REFUSED, ROWS, grid_of, new_grid
-from tests.core.functions import BODIES, COUNT, ENTRIES, bodies, contacts, faults, mesh_arrays, new_mesh, placed
-from tests.core.test_arguments import NO_TILES
+from tests.core.functions import BODIES, COUNT, ENTRIES, bodies, contacts, corrected, faults, mesh_arrays, new_mesh
 
 NAN, INF = np.nan, np.inf
 OUT_OF_CLOCK = (-1, KEPT, 2**62, -(2**63))  # no numbers of velocities that are kept
@@ -31,18 +30,12 @@ def call(name: str, **changes: Any) -> dict[str, Any]:
     return given
 
 
-def moving_grid(settle: float = 0.2, **clock: float) -> Any:
-    grid = new_grid(**clock)
-    grid.set_motion(3, 25.0, settle, 0.0, 0.0)
-    return grid
-
-
 def updated(entry: str, field: str, value: int) -> None:
     """Update a map or a mesh whose clock says so."""
     if entry == "move_vertices":
         call(entry, mesh=new_mesh(**{field: value}))
     else:
-        call(entry, grid=moving_grid(**{field: value}))
+        call(entry, grid=corrected(**{field: value}))
 
 
 def of_grid(method: str, *values: Any) -> object:
@@ -52,6 +45,7 @@ def of_grid(method: str, *values: Any) -> object:
 PLACES = ((-1, 0), (0, -1), (68, 0), (0, 127), (2**62, 0), (0, 2**63 - 1), (-(2**63), 0), (2**64, 0))
 UPDATES, LATTICES = ("take_rectangle", "take_corrected", "move_vertices"), ("compare", "moved_as_one")
 CLOCKS = [*(("newest", n) for n in OUT_OF_CLOCK[:3]), *(("count", n) for n in (-1, INTERVALS_KEPT + 1, 2**62))]
+NO_TILES = (None, [None], [1], [np.zeros(3)], np.zeros(3), "tiles", [[]], [(0, None, 0.0)], [(0, 1)])
 # Functions, and arguments that they refuse.
 WRONG: dict[Callable[..., Any], list[tuple[Any, ...]]] = {
     CORE.Grid: [(1, 5), (5, 1), (0, 0)],
@@ -66,13 +60,14 @@ WRONG: dict[Callable[..., Any], list[tuple[Any, ...]]] = {
         ("Mesh", "triangles", np.zeros((0, 3), np.int64)), ("BodyShape.hull", "points", np.zeros((0, 3))),
         *((entry, "first", place) for entry in ("take_rectangle", "take_corrected", "fuse") for place in PLACES),
         *((entry, "time", NAN) for entry in UPDATES),
-        *(("take_corrected", "grid", moving_grid(settle)) for settle in (0.0, NAN)),
+        *(("take_corrected", "grid", corrected(settle)) for settle in (0.0, NAN)),
         ("cast", "origins", np.full((COUNT, 3), 1e10)),
         *(("cast", "directions", np.tile(way, (COUNT, 1))) for way in ((0.0, 0.0, 0.0), (0.0, 0.0, 2.0))),
         *((entry, "first", place) for entry in LATTICES for place in ((2**63 - 1, 0), (0, -(2**63)), (2**53, 0))),
         *(("search_patches", "shapes", wrong) for wrong in ([], bodies()["shapes"][1:], [None] * BODIES, [1] * BODIES)),
         ("shape_above_grid", "shape", bodies()["shapes"][2]),  # a hull has no underside
         *(("Soil", "spacing", spacing) for spacing in (0.0, -1.0, NAN, 1e-3)),
+        *((entry, "tiles", wrong) for entry in ENTRIES if "tiles" in ENTRIES[entry].made() for wrong in NO_TILES),
     ],
     lambda tiles: CORE.Tiles().set_tiles(tiles): [(tiles,) for tiles in NO_TILES],
     CORE.Ground: [(-1,), (10**6,)],
@@ -216,10 +211,10 @@ def test_questions_without_tiles_or_points_and_to_grids_of_any_size_anywhere_do_
 def test_a_lattice_may_be_smaller_than_the_map_and_does_not_know_points_that_are_too_far_away() -> None:
     lattice = CORE.SampleLattice(5, 5, 5)
     for _ in range(2):
-        counts, _ = lattice.compare(**placed())
+        counts, _ = lattice.compare(**ENTRIES["compare"].made())
     assert counts[0] <= ROWS * COLUMNS
     for first in (2**52, -(2**52)):
-        assert not lattice.moved_as_one(**(placed() | {"first": (first, first)}))
+        assert not lattice.moved_as_one(**ENTRIES["moved_as_one"].made() | {"first": (first, first)})
 
 
 @pytest.mark.parametrize("kind", [0, len(DIMENSIONS), 255])

@@ -14,6 +14,17 @@ def maps_of(terrain: Terrain) -> dict[str, NDArray[np.float32]]:
     return {name: mesh.heights.copy() for name, mesh in terrain.tiles.items() if isinstance(mesh, HeightMap)}
 
 
+def updates_of(terrain: Terrain) -> list[Any]:
+    """Names, numbers of updates, and heights or vertices of all maps and meshes, also of decks. What is refused changes
+    none of them; it may shift the times of a map by rounding."""
+    found: list[Any] = []
+    for place, tiles in (("", terrain), *terrain.decks.items()):
+        for name, mesh in tiles.tiles.items():
+            shape = mesh.heights if isinstance(mesh, HeightMap) else mesh.vertices
+            found += [place, name, id(mesh), mesh.version, np.array(shape).tobytes()]
+    return found
+
+
 def require_taken(message: Any, terrain: Terrain, before: dict[str, NDArray[np.float32]]) -> None:
     """Asserts that a Heightmap or a HeightmapUpdate was possible, and changed the maps of ``before`` as it says."""
     whole = hasattr(message, "info")

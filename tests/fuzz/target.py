@@ -17,11 +17,9 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from smartmesh_ros.node import terrain_collider
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
-from smartmesh_ros.node.services.turns import Turns, Work
-from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.terrain.heightmap import HeightMap
-from tests.fuzz.oracle import maps_of, on_map, require_taken
-from tests.node.shared import made_with
+from tests.fuzz.oracle import maps_of, on_map, require_taken, updates_of
+from tests.node.shared import Fed, fed
 
 BASE = {
     "terrain.motion": "hold",
@@ -32,9 +30,8 @@ BASE = {
     "bodies.frames": ["tool"],
     "bodies.timeout": 5.0,
 }
-RASTERS = (*ADAPTERS, "occupancy_grid_update")
 PARAMETERS = ("set_parameters", "set_parameters_atomically")
-TERRAIN = ("heightmap", "heightmap_update", "terrain_mesh", "terrain_mesh_update", *RASTERS)
+TERRAIN = ("heightmap", "heightmap_update", "terrain_mesh", "terrain_mesh_update", *ADAPTERS, "occupancy_grid_update")
 MOST_BODIES = 8
 MOST_STEPS = 20
 
@@ -50,8 +47,8 @@ class FindingError(AssertionError):
 class Target:
     """The node, its inputs by name, and counts of what became of the messages."""
 
-    def __init__(self, node: TerrainCollider, record: Path | None) -> None:
-        self.node = node
+    def __init__(self, node: Fed, record: Path | None) -> None:
+        self.node, self._answer = node.node, node.call
         self.node.refusals._logger = SimpleNamespace(warning=lambda _: None)
         self.counts: Counter[str] = Counter()
         self.compared: Counter[str] = Counter()
@@ -91,22 +88,25 @@ class Target:
             raise FindingError(name, data, error) from error
 
     def _give(self, name: str, data: bytes) -> None:
-        terrain, before, overtaken = self.node.session.world.terrain, self._refused(), self._overtaken()
-        revision, maps = terrain.revision, maps_of(terrain)
+        terrain, before = self.node.session.world.terrain, self._refused()
+        overtaken = self.node.session.overtaken.total()
+        updates, maps = updates_of(terrain), maps_of(terrain)
         fate = "taken"
         if name in self._topics:
             self._topics[name].callback(data)
+            self._settle()
             if self._refused() > before:
                 fate = "refused"
-            elif self._overtaken() > overtaken:
+            elif self.node.session.overtaken.total() > overtaken:
                 fate = "overtaken"
         else:
             fate = self._call(name, data)
+            self._settle()
         self.counts[f"{name}: {fate}"] += 1
         terrain = self.node.session.world.terrain
         if fate == "taken" and name in ("heightmap", "heightmap_update"):
             require_taken(deserialize_message(data, self.kind(name)), terrain, maps)
-        assert fate == "taken" or terrain.revision == revision, f"what was {fate} changed the terrain"
+        assert fate == "taken" or updates_of(terrain) == updates, f"what was {fate} changed the terrain"
         self._given += 1
         if (fate == "taken" and name in TERRAIN) or self._given % 6 == 0:
             self._tick()
@@ -115,33 +115,22 @@ class Target:
         if self._given % 20 == 0:
             self._tidy()
 
-    def _overtaken(self) -> int:
-        return int(self.node.session.overtaken.total())
-
     def _refused(self) -> int:
         """Messages refused so far, without the bodies that waited for terrain and could not be spawned on it."""
         counts = self.node.refusals.counts
         return sum(count for key, count in counts.items() if not key.startswith("bodies.spawn: "))
 
     def _call(self, name: str, data: bytes) -> str:
-        service = self._services[name]
         try:
             request = deserialize_message(data, self.kind(name))
         except Exception:  # noqa: BLE001  # raised by rclpy in the node's loop, which counts it
             return "malformed"
-        before = self.node.refusals.counts.total()
+        before = self._refused()
         try:
-            response = service.callback(request, service.srv_type.Response())
-            if isinstance(response, Work):  # a long answer, which is given in turns
-                sent: list[Any] = []
-                turns = Turns()
-                turns.add(response, sent.append)
-                while not sent:  # a robot is prepared in another thread
-                    turns.advance()
-                [response] = sent
+            response = self._answer(name, request)
         except Exception as error:
             # rclpy's own services raise on parameters of no type; the node's loop catches and counts that.
-            places = [Path(frame.filename) for frame in traceback.extract_tb(error.__traceback__)[1:]]
+            places = [Path(frame.filename) for frame in traceback.extract_tb(error.__traceback__)[2:]]
             if places[0].name == "parameter_service.py" and all("smartmesh_ros" not in place.parts for place in places):
                 return "raised in rclpy"
             raise
@@ -151,8 +140,13 @@ class Target:
         success = getattr(response, "success", True)
         if name == "save_state" and success:
             self.saved = response.state
-        assert success == (self.node.refusals.counts.total() == before), "a refusal that was not counted"
+        assert success == (self._refused() == before), "a refusal that was not counted"
         return "taken" if success else "refused"
+
+    def _settle(self) -> None:
+        """Finishes what a message or a call has begun, such as the robot of a description."""
+        while len(self.node.session.turns):
+            self.node.turn()
 
     def _tick(self) -> None:
         """A turn of the node's loop with everything published, and what must hold after it."""
@@ -200,7 +194,7 @@ class Target:
 def target(terrain_input: str = "heightmap", record: Path | None = None, changes: str = "motion") -> Iterator[Target]:
     """A node in this process that writes down each message in a file ``record`` before it takes it."""
     values = {**BASE, "terrain.input": terrain_input, "terrain.changes": changes}
-    with pytest.MonkeyPatch.context() as patch, made_with(TerrainCollider, values) as node:
+    with pytest.MonkeyPatch.context() as patch, fed(values) as node:
         patch.setattr(terrain_collider, "MOST_STEPS", MOST_STEPS)
         yield Target(node, record)
 

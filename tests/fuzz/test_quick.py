@@ -10,12 +10,12 @@ from rclpy.serialization import deserialize_message, serialize_message
 from smartmesh_ros import InputError
 from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.node.inputs.adapters import ADAPTERS, occupancy_region
-from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
+from smartmesh_ros.tools.testing import heightmap_message, pose_message
 from tests.fuzz.mutations import mutated, spoil
 from tests.fuzz.run import SETTINGS, attack
 from tests.fuzz.seeds import make
 from tests.fuzz.target import target
-from tests.fuzz.wire import bombard
+from tests.fuzz.wire import over_the_wire
 
 
 @pytest.mark.parametrize(("terrain_input", "changes"), SETTINGS[: len(ADAPTERS) + 2])
@@ -58,9 +58,8 @@ def test_any_raster_gives_a_surface_of_its_size_or_is_refused(name: str, scale: 
     assert converted > 100
 
 
-def test_spoilt_messages_over_the_wire(probe: Probe) -> None:
-    with probe.running(parameters={"terrain.motion": "hold", "frame_id": "map"}) as process:
-        assert bombard(probe, process, 400, np.random.default_rng(13)) > 50
+def test_spoilt_messages_over_the_wire(domain: int) -> None:
+    assert over_the_wire(400, seed=13)["over DDS, refused"] > 50
 
 
 def spawning(**twist: float) -> Any:

@@ -11,6 +11,7 @@ from std_srvs.srv import Trigger
 from smartmesh_ros.tools.testing import Probe, Process
 from tests.fuzz import seeds
 from tests.fuzz.mutations import mutated
+from tests.node.shared import refusals
 from tests.node.test_faults import on_map
 
 # Messages between two looks at the patches.
@@ -18,28 +19,23 @@ ROUND = 200
 
 
 def over_the_wire(count: int, seed: int) -> dict[str, int]:
-    """Sends ``count`` messages to a node process over DDS; raises if it ends or its patches leave the map."""
+    """Publishes ``count`` spoilt messages on all topics of a node process over DDS. After each round a good map is
+    published, and every patch must lie on it. Returns how many messages there were, and how many the node has refused;
+    raises if it ends or its patches leave the map."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    with Probe() as probe, probe.running(parameters={"terrain.motion": "hold"}) as process:
-        refused = bombard(probe, process, count, np.random.default_rng(seed))
-        return {"over DDS": count, "over DDS, refused": refused}
-
-
-def bombard(probe: Probe, process: Process, count: int, rng: np.random.Generator) -> int:
-    """Publishes ``count`` spoilt messages on every topic of the node. After each round a good map is published, and
-    every patch must lie on it. Returns how many messages the node has refused."""
-    names = list(probe.publishers)
-    pools = {name: [serialize_message(seeds.make(name, rng)) for _ in range(20)] for name in names}
-    for sent in range(count):
-        name = names[int(rng.integers(len(names)))]
-        pool = pools[name]
-        probe.publishers[name].publish(mutated(pool[int(rng.integers(len(pool)))], pool, rng))
-        probe.spin(0.0)
-        if (sent + 1) % ROUND == 0:
-            require_well(probe, process, rng)
-    require_well(probe, process, rng)
-    values = probe.diagnostics("inputs")
-    return sum(int(value) for key, value in values.items() if key.startswith("refused"))
+    rng = np.random.default_rng(seed)
+    with Probe() as probe, probe.running(parameters={"terrain.motion": "hold", "frame_id": "map"}) as process:
+        names = list(probe.publishers)
+        pools = {name: [serialize_message(seeds.make(name, rng)) for _ in range(20)] for name in names}
+        for sent in range(count):
+            name = names[int(rng.integers(len(names)))]
+            pool = pools[name]
+            probe.publishers[name].publish(mutated(pool[int(rng.integers(len(pool)))], pool, rng))
+            probe.spin(0.0)
+            if (sent + 1) % ROUND == 0:
+                require_well(probe, process, rng)
+        require_well(probe, process, rng)
+        return {"over DDS": count, "over DDS, refused": refusals(probe).total()}
 
 
 def only_the_single_map(probe: Probe) -> bool:

@@ -1,39 +1,30 @@
 """Decks and robots: bodies that carry a deck take the reaction, and a rover drives from one onto ground at rest."""
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, Deck, HeightMap, InputError, Sphere, Terrain, World
+from smartmesh_ros import BodyState, Box, Deck, HeightMap, InputError, Sphere, World
 from smartmesh_ros.world.driving import Carrier
 from smartmesh_ros.world.joints import JointCommand
 from tests.bodies import about_y, ground_of, put, rotation
-from tests.grounds import level, world_of
+from tests.grounds import level, terrain_of, world_of
 from tests.urdfs import HUSKY, box, joint, link, robot
 
 DT = 1.0 / 240.0
 RAFT = Box(2.0, 2.0, 0.2)
 
 
-@contextmanager
-def loaded_husky() -> Iterator[tuple[World, Terrain]]:
-    """A robot with a deck named bed on its back, and a body named cargo that has come to rest on it."""
-    terrain = Terrain(level(81, 0.5))
-    terrain.put("bed", Deck(level(9, 0.1), thickness=0.2))
+def test_cargo_rides_on_a_robot_that_drives_and_turns_and_sleeps_on_the_ground_once_the_deck_is_taken_away() -> None:
+    terrain = terrain_of(ground=level(81, 0.5), bed=Deck(level(9, 0.1), thickness=0.2))
     with world_of(terrain, friction=0.9) as world:
         world.spawn_robot("husky", HUSKY, BodyState((0.0, 0.0, 0.15)))
         world.carry("bed", Carrier("husky", position=(0.0, 0.0, 0.45)))
         world.spawn("cargo", Box(0.3, 0.3, 0.2), 20.0, BodyState((0.0, 0.0, 0.72)))
         world.step(240)
-        yield world, terrain
-
-
-def test_cargo_rides_on_a_robot_that_drives_and_turns() -> None:
-    with loaded_husky() as (world, terrain):
         for joint_name in (it.name for it in world.joints("husky") if "wheel" in it.name):
             world.command("husky", joint_name, JointCommand(velocity=4.0 if "left" in joint_name else 8.0))
         places = []
@@ -45,11 +36,6 @@ def test_cargo_rides_on_a_robot_that_drives_and_turns() -> None:
         assert np.abs(found[:, 2] - 0.1).max() < 2e-3
         assert np.linalg.norm(found[:, :2] - found[0, :2], axis=1).max() < 0.03
         assert math.hypot(*world.state("husky").position[:2]) > 1.0
-
-
-def test_what_lay_on_the_deck_of_a_robot_sleeps_on_the_ground_once_the_deck_is_taken_away() -> None:
-    with loaded_husky() as (world, terrain):
-        assert world.state("cargo").position[2] > 0.5
         terrain.remove("bed")
         world.remove("husky")
         world.step(720)
@@ -61,8 +47,7 @@ def test_a_rover_drives_from_a_rolling_deck_over_a_ramp_onto_ground_at_rest() ->
     x = np.arange(0.0, 6.01, 0.1)
     ramp = np.tile(np.interp(x, [0.0, 5.0, 6.0], [0.3, 0.3, 0.0]), (31, 1))
     deck = Deck(HeightMap(ramp, resolution=0.1, origin=(0.0, -1.5)))
-    terrain = Terrain(HeightMap(np.zeros((31, 61)), resolution=0.1, origin=(5.9, -1.5)))
-    terrain.put("deck", deck)
+    terrain = terrain_of(quay=HeightMap(np.zeros((31, 61)), resolution=0.1, origin=(5.9, -1.5)), deck=deck)
     axis = np.array([6.0, 0.0, 0.0])
     with world_of(terrain, friction=1.0) as world:
         climbs = []
@@ -99,9 +84,7 @@ def test_a_ball_and_the_free_body_whose_deck_it_lands_on_conserve_momentum(
     for body in (carrier, ball):
         client.changeDynamics(body, -1, restitution=restitution, lateralFriction=0.0)
         client.changeDynamics(body, -1, linearDamping=0.0, angularDamping=0.0)
-    terrain = Terrain()
-    terrain.put("deck", Deck(level(9, 0.25)))
-    ground = ground_of(client, terrain, ball)
+    ground = ground_of(client, terrain_of(deck=Deck(level(9, 0.25))), ball)
     ground.carry("deck", carrier, position=(0.0, 0.0, 0.3))
     for step in range(120):
         ground.step(step * DT, DT)
@@ -130,9 +113,7 @@ WRONG: list[Any] = [
 
 
 def test_a_lift_carries_a_box_up_also_once_it_is_restored_and_rests_when_the_lift_is_gone() -> None:
-    terrain = Terrain(level(11, 1.0))
-    terrain.put("cage", Deck(level(5, 0.25), thickness=0.2))
-    with World(terrain) as world:
+    with World(terrain_of(ground=level(11, 1.0), cage=Deck(level(5, 0.25), thickness=0.2))) as world:
         world.spawn_robot("lift", LIFT, BodyState((0.0, 0.0, 0.5)))
         world.carry("cage", Carrier("lift", "cage", (0.0, 0.0, 0.05)))
         world.spawn("box", Box(0.3, 0.3, 0.3), 2.0, BodyState((0.0, 0.0, 1.1)))
@@ -171,9 +152,7 @@ ENDS: dict[str, Callable[[World], object]] = {
 
 def falling_raft(carrier: str) -> World:
     """A world whose raft falls, turns and carries a deck, and whose ball falls as fast above it."""
-    terrain = Terrain(level(11, 1.0))
-    terrain.put("deck", Deck(level(21, 0.1), thickness=0.2))
-    world = World(terrain)
+    world = World(terrain_of(ground=level(11, 1.0), deck=Deck(level(21, 0.1), thickness=0.2)))
     CARRIERS[carrier](world)
     raft = world.bodies["raft"].uid
     world.client.resetBasePositionAndOrientation(raft, (0.0, 0.0, 9.0), (0.0, 0.0, 0.0, 1.0))

@@ -10,13 +10,12 @@ import pybullet as pb
 import pytest
 
 from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, PhysicsConfig, Sphere
-from smartmesh_ros.core import _core
 from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.ground.config import set_up
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
 from tests.bodies import LYING, reach, rotation
-from tests.core.contact_cases import random_rotation
+from tests.core.contact_cases import contacts_of, random_rotation
 from tests.grounds import end_of, level, shaped, world_of
 
 RATE = 240.0
@@ -186,15 +185,14 @@ def test_what_bounces_out_of_the_ground_is_no_faster_than_it_came(shape: Shape, 
 def test_a_rim_is_touched_wherever_its_samples_are(rise: float, yaw: float) -> None:
     """A plate leans over the rim of a plane, which rises to the rim and along it; its samples move along the rim."""
     cell, along = 0.25, 0.2
-    shape = BodyShape.box((0.1, 0.1, 0.01))
+    shape, found = BodyShape.box((0.1, 0.1, 0.01)), []
     leans, turns = (tuple(pb.getQuaternionFromEuler(angles)) for angles in ((along, 0.1 - rise, 0.0), (0.0, 0.0, yaw)))
     turn = rotation(leans) @ rotation(turns)
-    pose, still, found = np.vstack([turn, turn @ (0.0, 0.0, 0.003)]), np.zeros((2, 3)), []
     for shift in np.linspace(0.0, cell, 11):
         y, x = cell * np.mgrid[-10:11, -10:1]
         heights = np.tan(along) * (y + shift) + rise * x
-        plane = HeightMap(heights, resolution=cell, origin=(-10.0 * cell, shift - 10.0 * cell)).core_reader
-        contacts = np.asarray(_core.find_contacts(shape, [plane], pose, still, 1.0 / RATE, 1e-3))
+        plane = HeightMap(heights, resolution=cell, origin=(-10.0 * cell, shift - 10.0 * cell))
+        contacts = contacts_of(shape, plane, turn, turn @ (0.0, 0.0, 0.003), 1e-3)
         found.append(contacts[:, 6].min(initial=0.0))
     assert found == pytest.approx(np.full(11, found[0]), abs=1e-6)
     assert found[0] <= -2e-3
@@ -249,19 +247,17 @@ CASES: dict[str, tuple[str, Shape, BodyState, float]] = {
 @pytest.mark.parametrize("name", ["ball", "box", "capsule"])
 def test_neighbours_that_share_no_facet_are_apart(name: str) -> None:
     """Two parts of a map meet at one sample each: the contacts with both are those with each of them alone."""
-    rng, still, touched = np.random.default_rng(len(name)), np.zeros((2, 3)), 0
+    rng, touched = np.random.default_rng(len(name)), 0
     ball, box = BodyShape.ball(0.2), BodyShape.box((0.4, 0.2, 0.1))
     shape = {"ball": ball, "box": box, "capsule": BodyShape.capsule(0.1, 0.4)}[name]
     rows, columns = np.mgrid[:12, :12]
     for _ in range(200):
         heights = rng.normal(scale=0.02, size=(12, 12))
         heights[(rows == 5) & (columns != 5) | (rows == 6) & (columns != 5 + rng.integers(2))] = np.nan
-        pose = np.vstack([random_rotation(rng), (*rng.uniform(0.4, 0.7, 2), rng.uniform(0.1, 0.25))])
-        found = []
+        turn, at, found = random_rotation(rng), (*rng.uniform(0.4, 0.7, 2), rng.uniform(0.1, 0.25)), []
         for part in (rows >= 0, rows < 6, rows >= 6):
-            tile = HeightMap(np.where(part, heights, np.nan), resolution=0.1, origin=(0.0, 0.0)).core_reader
-            contacts = np.asarray(_core.find_contacts(shape, [tile], pose, still, 1.0 / 240.0, 1e-2))
-            found.append(sorted(contacts.tolist()))
+            ground = HeightMap(np.where(part, heights, np.nan), resolution=0.1)
+            found.append(sorted(contacts_of(shape, ground, turn, at, 1e-2).tolist()))
         touched += len(found[0])
         assert found[0] == sorted(found[1] + found[2])
     assert touched > 100

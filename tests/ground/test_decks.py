@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros import BodyState, Box, Deck, Ground, HeightMap, HeightScan, Sphere, Terrain, World
+from smartmesh_ros import BodyState, Box, Deck, Ground, HeightMap, HeightScan, Sphere, World
 from smartmesh_ros.ground.quaternions import quaternion_of
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
@@ -19,7 +19,7 @@ from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.world.driving import Carrier
 from tests.bodies import rotation
 from tests.core import mesh_parts
-from tests.grounds import level, world_of
+from tests.grounds import level, terrain_of, world_of
 
 DT, G = 1.0 / 240.0, 9.81
 BOX = Box(0.5, 0.4, 0.3)
@@ -80,9 +80,13 @@ def a_mesh() -> TriangleMesh:
 
 def on_deck(deck: Deck, **physics: Any) -> World:
     """A world of level ground with a deck above it."""
-    terrain = Terrain(level(11, 2.0))
-    terrain.put("deck", deck)
-    return world_of(terrain, **physics)
+    return world_of(terrain_of(sea=level(11, 2.0), deck=deck), **physics)
+
+
+def with_bridge(**physics: Any) -> World:
+    """A world of level ground with a bridge of 4 m, 2 m above it and 0.3 m thick."""
+    bridge = Deck(level(9, 0.5), thickness=0.3, position=(0.0, 0.0, 2.0))
+    return world_of(terrain_of(road=level(21, 0.5), bridge=bridge), **physics)
 
 
 @pytest.mark.parametrize(("mesh", "is_tracked"), [(a_map, False), (a_mesh, False), (a_map, True)])
@@ -108,11 +112,9 @@ def test_a_box_at_rest_rides_on_a_deck_that_rolls_pitches_and_heaves(
     assert np.linalg.norm(later[:, :2] - later[0, :2], axis=1).max() < (2e-3 if is_tracked else 1e-3)  # of a way of 1 m
 
 
-def test_a_deck_is_as_thick_as_it_is() -> None:
-    """A bridge above a road: balls on it, below it and inside it, and a box that jumps until its top is above it."""
-    terrain = Terrain(level(21, 0.5))
-    terrain.put("bridge", Deck(level(9, 0.5), thickness=0.3, position=(0.0, 0.0, 2.0)))
-    with World(terrain) as world:
+def test_a_deck_is_as_thick_as_it_is_and_may_become_thinner() -> None:
+    """Balls on a bridge, below it and inside it, and a box that jumps until its top is above it."""
+    with with_bridge() as world:
         world.spawn("above", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 2.5)))
         world.spawn("below", Sphere(0.2), 1.0, BodyState((1.0, 0.0, 0.5)))
         speed = math.sqrt(2.0 * G * 1.1)
@@ -124,19 +126,21 @@ def test_a_deck_is_as_thick_as_it_is() -> None:
         heights = [world.state(name).position[2] for name in ("above", "below")]
         assert heights == pytest.approx([2.2, 0.2], abs=1e-4)
         assert world.rescues == 0
-        assert world.patches().table().tiles == ["bridge", "", ""]
+        assert world.patches().table().tiles == ["bridge", "road", "road"]
         world.spawn("inside", Sphere(0.2), 1.0, BodyState((-1.0, 0.0, 1.9)))
         world.step(240)
         assert world.state("inside").position[2] == pytest.approx(2.2, abs=1e-4)
+        world.terrain.deck("bridge").thickness = 0.05
+        world.spawn("no more inside", Sphere(0.1), 1.0, BodyState((-1.0, -1.0, 1.8)))
+        world.step(10)
+        assert world.state("no more inside").position[2] < 1.8
         assert world.rescues == 1
 
 
 @pytest.mark.parametrize("shape", [Sphere(0.2), Box(0.4, 0.4, 0.4)], ids=["ball", "box"])
 def test_the_walls_of_a_deck_are_as_high_as_it_is_thick(shape: Shape) -> None:
     """Bodies fly towards the rim of a bridge: below its wall they pass, at its wall they stop."""
-    terrain = Terrain(level(21, 0.5))
-    terrain.put("bridge", Deck(level(9, 0.5), thickness=0.3, position=(0.0, 0.0, 2.0)))
-    with world_of(terrain, gravity=(0.0, 0.0, 0.0), friction=0.0) as world:
+    with with_bridge(gravity=(0.0, 0.0, 0.0), friction=0.0) as world:
         for name, y, z in (("below", -1.0, 1.4), ("at the wall", 1.0, 1.9)):
             world.spawn(name, shape, 1.0, BodyState((3.0, y, z), linear=(-2.0, 0.0, 0.0)))
         world.step(240)
@@ -146,8 +150,7 @@ def test_the_walls_of_a_deck_are_as_high_as_it_is_thick(shape: Shape) -> None:
 
 def test_queries_rays_and_scans_see_a_deck_where_it_is_at_an_instant(client: Any) -> None:
     ship, rng, time = Ship(), np.random.default_rng(2), 1.3
-    deck, terrain = Deck(a_map()), Terrain(level(11, 2.0))
-    terrain.put("deck", deck)
+    terrain = terrain_of(sea=level(11, 2.0), deck=(deck := Deck(a_map())))
     for at in time - DT * np.arange(4.0)[::-1]:
         ship.move(deck, at)
     ground, origin, normal = Ground(client, terrain), ship.position(time), rotation(ship.orientation(time))[:, 2]
@@ -210,27 +213,8 @@ def test_a_frame_moves_between_its_poses_to_second_order_and_stops_without_more(
     assert np.abs(np.diff(speeds, axis=0)).max() < 0.02
 
 
-def test_a_frame_that_stops_does_not_go_back() -> None:
-    deck = Deck(a_map())
-    for time in (0.0, 0.1, 0.2, 0.3, 0.4):
-        deck.move((min(time, 0.3), 0.0, 0.0), time=time)
-    assert deck.frame(0.45).position[0] == pytest.approx(0.3, abs=1e-12)
-
-
-def test_a_deck_may_become_thinner() -> None:
-    """What is below it is then no longer put onto it."""
-    terrain, deck = Terrain(), Deck(a_map())
-    terrain.put("deck", deck)
-    with World(terrain) as world:
-        deck.thickness = 0.5
-        world.spawn("ball", Sphere(0.1), 1.0, BodyState((0.0, 0.0, -1.0)))
-        world.step(10)
-        assert world.state("ball").position[2] < -1.0
-
-
 def test_a_copy_of_a_terrain_has_decks_of_its_own() -> None:
-    deck, terrain = Deck(a_map()), Terrain()
-    terrain.put("deck", deck)
+    terrain = terrain_of(deck=(deck := Deck(a_map())))
     for time in (0.0, 0.1, 0.2):
         Ship().move(deck, time)
     twin = copy.deepcopy(terrain)

@@ -15,47 +15,36 @@ from tests.bodies import ground_of, height, put, run
 from tests.core import mesh_parts
 from tests.grounds import level
 from tests.memory import allocated
-from tests.urdfs import joint, link, robot
+from tests.urdfs import HUSKY
 
 DT = 1.0 / 240.0
 BALL = Sphere(0.2)
 START = (0.0, 0.0, 0.5)  # of a ball that falls to the ground
 
 
-@pytest.fixture
-def car(client: Any, tmp_path: Any) -> int:
-    base = [link("base_footprint", "", None), link("base_link", '<box size="0.5 0.3 0.1"/>', 5.0, 0.1)]
-    base.append(joint("up", "fixed", "base_footprint", "base_link", xyz="0 0 0.1"))
-    for n, (x, y) in enumerate((x, y) for x in (0.2, -0.2) for y in (0.2, -0.2)):
-        wheel = link(f"wheel{n}", '<cylinder radius="0.1" length="0.05"/>', 0.5, 0.001, rpy="1.570796 0 0")
-        base += [wheel, joint(f"axle{n}", "continuous", "base_link", f"wheel{n}", xyz=f"{x} {y} -0.03")]
-    (tmp_path / "car.urdf").write_text(robot(*base))
-    return int(client.loadURDF(str(tmp_path / "car.urdf"), (0.5, 0.2, 0.05), flags=pb.URDF_USE_IMPLICIT_CYLINDER))
-
-
-def test_a_robot_is_attached_with_all_links_that_have_a_shape(client: Any, car: int) -> None:
-    """It stands on its wheels; its root has no shape."""
-    ground = Ground(client, level())
-    first = ground.attach(car)
-    links = [ground.followers[slot].link for slot in ground.followers.of(car)]
-    assert links == [0, 1, 2, 3, 4]
+def test_a_robot_is_attached_with_all_links_that_have_a_shape(client: Any) -> None:
+    """It stands on its wheels; its root and its other links have no shape."""
+    ground, husky = Ground(client, level()), client.loadURDF(HUSKY, (0.5, 0.2, 0.05))
+    first = ground.attach(husky)
+    links = [ground.followers[slot].link for slot in ground.followers.of(husky)]
+    assert links == [0, 2, 3, 4, 5]
     assert first.link == 0
     run(ground, 480)
-    assert client.getLinkState(car, 0)[0][2] == pytest.approx(0.13, abs=2e-3)
+    assert client.getLinkState(husky, 0)[4][2] == pytest.approx(0.145, abs=2e-3)
     assert ground.rescues == 0
-    ground.detach(car)
-    assert not ground.followers.of(car)
+    ground.detach(husky)
+    assert not ground.followers.of(husky)
 
 
-def test_what_cannot_be_attached_is_refused_whole(client: Any, car: int) -> None:
+def test_what_cannot_be_attached_is_refused_whole(client: Any) -> None:
     client.setAdditionalSearchPath(pybullet_data.getDataPath())
     soft = client.loadSoftBody("bunny.obj", basePosition=(0, 0, 1), mass=0.1, useMassSpring=1)
-    ground, ghost, ball = Ground(client, level()), client.createMultiBody(1.0), put(client, BALL, START)
+    husky, ghost, ball = client.loadURDF(HUSKY), client.createMultiBody(1.0), put(client, BALL, START)
     duck = client.createCollisionShape(client.GEOM_MESH, fileName="duck.obj", flags=client.GEOM_FORCE_CONCAVE_TRIMESH)
     moving, standing = (client.createMultiBody(mass, duck, basePosition=START) for mass in (1.0, 0.0))
-    bodies = client.getNumBodies()
+    ground, bodies = Ground(client, level()), client.getNumBodies()
     refused: list[tuple[int, dict[str, Any], str]] = [
-        (car, {"link": -1}, r"base_footprint.*0 'base_link'.*1 'wheel0'.*4 'wheel3'"),
+        (husky, {"link": -1}, r"base_footprint.*0 'base_link'.*2 'front_left_wheel_link'.*5 'rear_right_wheel_link'"),
         (ghost, {}, "no collision shape"),
         (ball, {"radius": -1.0}, "radius"),
         (soft, {}, "it is soft, and only rigid bodies and robots collide with the map"),
@@ -67,10 +56,10 @@ def test_what_cannot_be_attached_is_refused_whole(client: Any, car: int) -> None
             ground.attach(body, **given)
     assert not len(ground.followers)
     assert client.getNumBodies() == bodies
-    ground.attach(car, 2)
+    ground.attach(husky, 2)
     for link_number in (None, 2):
         with pytest.raises(InputError, match="link 2 is attached already"):
-            ground.attach(car, link_number)
+            ground.attach(husky, link_number)
     ground.attach(standing)
     ground.attach(moving, solid=False)
     assert len(ground.followers) == 3
@@ -132,7 +121,8 @@ def test_a_collision_query_between_steps_finds_the_ground(client: Any, terrain: 
 
 
 def test_a_body_that_is_removed_without_a_word_is_taken_off_the_ground(client: Any) -> None:
-    """The next body gets its number from PyBullet: it stands on the ground if it is attached."""
+    """The next body gets its number from PyBullet: it stands on the ground if it is attached. Else it never sleeps, as
+    who is not there."""
     body = put(client, BALL, START)
     ground = ground_of(client, level(), body)
     ground.step(0.0, DT)
@@ -142,6 +132,7 @@ def test_a_body_that_is_removed_without_a_word_is_taken_off_the_ground(client: A
         assert put(client, BALL, START) == body
         if attached:
             ground.attach(body)
+        assert not ground.is_asleep(body) and not ground.is_asleep(99)
         run(ground)
         assert (height(client, body) > 0.0) == attached
         assert len(ground.followers) == attached
@@ -210,11 +201,6 @@ def test_a_body_that_pybullet_keeps_from_the_ground_falls_through_it(client: Any
         client.setCollisionFilterPair(ball, proxy, -1, -1, 0)
     run(ground, 240)
     assert height(client, ball) < -4.0 and ground.rescues == 0
-
-
-def test_what_is_not_attached_is_not_asleep(client: Any) -> None:
-    ground = ground_of(client, level())
-    assert not ground.is_asleep(put(client, BALL, (0.0, 0.0, 0.3))) and not ground.is_asleep(99)
 
 
 def test_a_ground_that_was_dropped_leaves_nothing_in_the_way_of_bodies_and_rays(client: Any) -> None:

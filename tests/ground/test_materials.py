@@ -9,7 +9,7 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, Material, Sphere, World
+from smartmesh_ros import BodyState, Box, Cylinder, Material, Sphere, World
 from smartmesh_ros.ground.shapes import Capsule, Shape
 from studies.soil.trials import least
 from tests.bodies import LYING, UPRIGHT, about_z, ground_of, height, put, run
@@ -22,14 +22,6 @@ RATES = [60.0, 240.0, 960.0]
 
 
 MAT = Material(stiffness=STIFFNESS, damping=2e4)
-
-
-def flat(material: Material) -> HeightMap:
-    return HeightMap(np.zeros((41, 201)), resolution=0.1, origin=(-2.0, -2.0), material=material)
-
-
-def world_on(material: Material, rate: float = 240.0, **physics: Any) -> World:
-    return world_of(flat(material), rate=rate, sleep=False, **physics)
 
 
 def ball_volume(depth: float) -> float:
@@ -69,7 +61,7 @@ def test_a_body_at_rest_sinks_until_the_pressures_carry_it(
 ) -> None:
     """Of a plate of an area A that is m g / (k A)."""
     start = BodyState((0.013, 0.027, above), orientation)
-    state = end_of(flat(MAT), shape, start, int(2.0 * rate), MASS, rate=rate, sleep=False)
+    state = end_of(level(201, material=MAT), shape, start, int(2.0 * rate), MASS, rate=rate, sleep=False)
     assert above - state.position[2] == pytest.approx(depth_of(volume), rel=0.01)
     assert np.linalg.norm(state.linear) < 1e-5
 
@@ -84,7 +76,7 @@ def test_a_plate_with_an_eccentric_mass_tilts_as_its_bed_of_springs_does(client:
         corners = [[x, y, z] for x in (-0.2, 0.2) for y in (-0.3, 0.3) for z in (-0.05, 0.05)]
         shape = client.createCollisionShape(pb.GEOM_MESH, vertices=corners)
     body = client.createMultiBody(MASS, shape, basePosition=(0.0, 0.0, 0.05), baseInertialFramePosition=(off, 0.0, 0.0))
-    run(ground_of(client, flat(MAT), body), 480)
+    run(ground_of(client, level(201, material=MAT), body), 480)
     turn = client.getEulerFromQuaternion(client.getBasePositionAndOrientation(body)[1])
     margin = 1e-3 if kind == "hull" else 0.0  # by which PyBullet grows hulls
     moment = (0.6 + 2.0 * margin) * (0.4 + 2.0 * margin) ** 3 / 12.0
@@ -97,7 +89,7 @@ def test_a_body_that_gives_and_ground_that_gives_are_springs_in_series(client: A
     """Bullet's stiffness is that of each of the four contacts."""
     own, area, body = 1.5e4, 0.24, put(client, PLATE, (0.0, 0.0, 0.05), MASS)
     client.changeDynamics(body, -1, contactStiffness=own, contactDamping=600.0)
-    run(ground_of(client, flat(Material(stiffness=STIFFNESS)), body), 480)
+    run(ground_of(client, level(201, material=Material(stiffness=STIFFNESS)), body), 480)
     sunk = MASS * GRAVITY * (0.25 / own + 1.0 / (STIFFNESS * area))
     assert 0.05 - height(client, body) == pytest.approx(sunk, rel=0.02)
 
@@ -111,7 +103,8 @@ def test_a_body_that_gives_and_ground_that_gives_are_springs_in_series(client: A
 )
 def test_what_falls_rebounds_by_the_product_of_both_coefficients(ground: float, own: float, rate: float) -> None:
     for shape, above in ((Sphere(0.2), 0.2), (Box(0.3, 0.3, 0.2), 0.1), (Cylinder(radius=0.15, height=0.2), 0.1)):
-        with world_on(Material(restitution=ground), rate, restitution=own) as world:
+        made = level(201, material=Material(restitution=ground))
+        with world_of(made, rate=rate, sleep=False, restitution=own) as world:
             world.spawn("body", shape, 1.0, BodyState((0.01, 0.02, above + 1.0)))
             rising: list[float] = []
             while world.time < 0.6 + ground * own:
@@ -134,7 +127,8 @@ def test_what_rolls_coasts_down_by_the_coefficient(
     rolling, speed, heading = 0.03, 1.5, 0.0 if isinstance(shape, Cylinder) else 0.3
     along = np.array([math.cos(heading), math.sin(heading), 0.0])
     spin = np.cross([0.0, 0.0, 1.0], along) * speed / RADIUS
-    with world_on(Material(rolling=rolling), rate, friction=0.8) as world:
+    ground = level(201, material=Material(rolling=rolling))
+    with world_of(ground, rate=rate, sleep=False, friction=0.8) as world:
         world.spawn(
             "body", shape, mass,
             BodyState((0.0, 0.0, RADIUS), orientation=orientation, linear=tuple(speed * along), angular=tuple(spin)),
@@ -149,7 +143,8 @@ def test_what_rolls_coasts_down_by_the_coefficient(
 def test_a_ball_that_also_spins_about_the_upright_rolls_straight_on_and_keeps_its_spin() -> None:
     start = BodyState((0.0, 0.0, RADIUS), linear=(1.0, 0.0, 0.0), angular=(0.0, 1.0 / RADIUS, 20.0))
     plain = replace(start, angular=(0.0, 1.0 / RADIUS, 0.0))
-    ways = [end_of(flat(Material(rolling=0.03)), Sphere(RADIUS), state, 480, sleep=False) for state in (start, plain)]
+    ground = level(201, material=Material(rolling=0.03))
+    ways = [end_of(ground, Sphere(RADIUS), state, 480, sleep=False) for state in (start, plain)]
     np.testing.assert_allclose(ways[0].position, ways[1].position, rtol=0.0, atol=1e-9)
     assert ways[0].angular[2] == pytest.approx(20.0, abs=1e-9)
 
@@ -169,7 +164,7 @@ def test_a_ball_on_a_slope_is_held_below_the_coefficient_alone(slope: float, rol
 def test_a_block_sinks_into_soft_ground_by_more_than_half_of_its_height(share: float) -> None:
     """It is not below the ground, and nothing lifts it."""
     stiffness = MASS * GRAVITY / (0.8 * 0.8 * 0.2 * share)
-    with World(flat(Material(stiffness=stiffness, damping=0.3 * stiffness))) as world:
+    with World(level(201, material=Material(stiffness=stiffness, damping=0.3 * stiffness))) as world:
         world.spawn("block", Box(0.8, 0.8, 0.2), MASS, BodyState((0.0, 0.0, 0.1)))
         world.step(1200)
         assert 0.1 - world.state("block").position[2] == pytest.approx(0.2 * share, rel=0.02)
@@ -178,14 +173,14 @@ def test_a_block_sinks_into_soft_ground_by_more_than_half_of_its_height(share: f
 
 def test_a_mat_beside_hard_ground() -> None:
     """Stiffness by place, NaN = rigid; what sleeps there wakes as it is laid."""
-    with World(flat(Material())) as world:
+    with World(level(201, material=Material())) as world:
         for name, x in (("west", -1.0), ("east", 1.0)):
             world.spawn(name, PLATE, MASS, BodyState((x, 0.0, 0.05)))
         world.step(480)
         assert world.is_asleep("west") and world.is_asleep("east")
         tile: Any = world.terrain.tile("")
-        stiffness = np.full((41, 201), np.nan)
-        stiffness[:, :20] = STIFFNESS
+        stiffness = np.full((201, 201), np.nan)
+        stiffness[:, :100] = STIFFNESS
         tile.material = Material(stiffness=stiffness, damping=2e4)
         world.step(480)
         assert 0.05 - world.state("west").position[2] == pytest.approx(MASS * GRAVITY / (0.24 * STIFFNESS), rel=0.02)

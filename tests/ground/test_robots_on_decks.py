@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, Deck, Material, Sphere, Terrain
+from smartmesh_ros import BodyState, Box, Deck, Material, Sphere
 from smartmesh_ros.ground.shapes import Cylinder, Shape
 from smartmesh_ros.terrain.grid import FloatArray
 from tests.bodies import about_z, rotation
-from tests.grounds import add, level, world_of
+from tests.grounds import add, level, terrain_of, world_of
 from tests.urdfs import joint, link, robot
 
 Surface = dict[str, Any]
@@ -42,8 +42,8 @@ def thrown(body: Shape | str, drift: FloatArray, yaw: float, given: dict[str, An
     ``drift`` [m/s] and ``yaw`` [rad]: of the deck, no drift = the ground is no deck. ``given``: amplitude of ``waves``
     on the ground [m], its ``material``, the ``surface`` of the body, and its ``height`` at the start [m]."""
     waves, height = given.get("waves", 0.0), given.get("height", 0.6)
-    tile, terrain, found = level(41, 0.2, material=given.get("material")), Terrain(), []
-    terrain.put("deck", Deck(tile) if drift.any() else tile)
+    tile, found = level(41, 0.2, material=given.get("material")), []
+    terrain = terrain_of(deck=Deck(tile) if drift.any() else tile)
     turn = rotation(about_z(yaw))
     linear, spin = turn @ [1.0, 0.5, -2.0] + drift, turn @ [2.0, 3.0, 1.0]
     with world_of(terrain, restitution=0.3, sleep=False) as world:
@@ -96,10 +96,8 @@ def test_what_rests_on_a_deck_that_turns_stays_there(
 ) -> None:
     """To 20 um, a metre off the axis, for half a turn; Bullet's own friction against rolling moves it by half a
     millimetre, and ground that gives lies as much lower. ``share``: PyBullet's `frictionERP`."""
-    terrain, spin = Terrain(), np.array([0.0, 0.0, 1.0])
-    deck = Deck(level(41, 0.2, material=material))
-    terrain.put("deck", deck)
-    with world_of(terrain, rate=rate, friction=0.8, sleep=False) as world:
+    spin, deck = np.array([0.0, 0.0, 1.0]), Deck(level(41, 0.2, material=material))
+    with world_of(terrain_of(deck=deck), rate=rate, friction=0.8, sleep=False) as world:
         add(world, "body", body, BodyState((1.0, 0.0, height), linear=(0.0, 1.0, 0.0), angular=tuple(spin)))
         world.client.changeDynamics(world.bodies["body"].uid, -1, **surface)
         world.client.setPhysicsEngineParameter(frictionERP=share)

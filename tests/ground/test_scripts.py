@@ -12,11 +12,13 @@ import pytest
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import (
+    BaseConfig,
     BodyState,
     Box,
     Deck,
     Ground,
     HeightMap,
+    ImuConfig,
     InputError,
     JointCommand,
     PhysicsConfig,
@@ -59,7 +61,22 @@ def settings() -> Iterator[tuple[Callable[[int], Any], str]]:
     yield (lambda c: FallConfig(period=np.nan)), "period of falls is nan"
     yield (lambda c: FallConfig(depth="deep")), "depth is deep m"
     yield (lambda c: GuestConfig(settle=-0.1)), "settle of guests is -0.1"
-    yield (lambda c: GuestConfig(margin="wide")), "margin of guests is wide m"
+    for margin in (0.0, "wide"):
+        yield (lambda c, margin=margin: GuestConfig(margin=margin)), f"margin of guests is {margin} m"
+    for name, wrong in (
+        ("rate", 0.0), ("rate", np.nan), ("rate", "fast"), ("seed", -1), ("seed", 0.5), ("gyroscope_bias", (0.0, 1.0)),
+        ("accelerometer_bias", (0.0, 0.0, np.inf)), ("gyroscope_noise_density", -1.0),
+        ("accelerometer_random_walk", True),
+    ):  # fmt: skip
+        yield (lambda c, name=name, wrong=wrong: ImuConfig(**{name: wrong})), f"{name} of an IMU is"
+    for given, words in (
+        ({}, "has wheels"), ({"wheels": ["a"], "tracks": ["b"]}, "has wheels"), ({"wheels": "a"}, "list of different"),
+        ({"wheels": ["a", "a"]}, "list of different"), ({"wheels": ["a"], "radius": -1}, "0 to 10000 m"),
+        ({"wheels": ["a"], "linear_limit": 0}, "above zero"), ({"wheels": ["a"], "track": "wide"}, "a number"),
+        ({"wheels": ["a"], "wheelbase": 1.0}, "no wheelbase"),
+        ({"wheels": ["a"], "steering": ["b"], "track": 1.0}, "no track"),
+    ):  # fmt: skip
+        yield (lambda c, given=given: BaseConfig(**given)), words
 
 
 def times() -> Iterator[Callable[[int], Any]]:

@@ -26,8 +26,8 @@ def sleeping_box(ground: HeightMap) -> Iterator[World]:
 
 
 def asleep(world: World) -> set[str]:
-    """Names of the sleeping bodies and links."""
-    return {world.followers[slot].name for slot in world.ground.contacts.core.find_asleep()}
+    """Names of the sleeping bodies."""
+    return {name for name in world.bodies if world.is_asleep(name)}
 
 
 def test_bodies_at_rest_sleep_and_keep_patches_contacts_and_wrenches() -> None:

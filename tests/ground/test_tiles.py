@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, HeightMap, Sphere, Terrain, World
+from smartmesh_ros import BodyState, Box, GridGeometry, HeightMap, Sphere, Terrain, World
 from smartmesh_ros.core import CORE
 from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.terrain.grid import FloatArray
@@ -21,10 +21,9 @@ def surface(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def tile(x0: float, y0: float, rows: int, columns: int, resolution: float, yaw: float = 0.0) -> HeightMap:
-    heightmap = HeightMap(np.zeros((rows, columns)), resolution=resolution, origin=(x0, y0), yaw=yaw)
-    place = heightmap.geometry.to_world(*np.indices((rows, columns)))
-    heightmap.replace(surface(place[..., 0], place[..., 1]), time=10.0)
-    return heightmap
+    geometry = GridGeometry(rows=rows, columns=columns, resolution=resolution, origin=(x0, y0, 0.0), yaw=yaw)
+    place = geometry.to_world(*np.indices((rows, columns)))
+    return HeightMap(surface(place[..., 0], place[..., 1]), geometry=geometry)
 
 
 ADJACENT = {
@@ -44,7 +43,7 @@ def test_patches_that_cross_a_border_have_no_step_and_no_hole(name: str, radius:
     count = 81
     x = np.linspace(-2.0, 2.0, count)
     positions = np.column_stack([x, np.full(count, 0.03), surface(x, np.full(count, 0.03)) + 0.9 * radius])
-    table = balls_on(terrain, [radius] * count).at(positions, time=20.0)
+    table = balls_on(terrain, [radius] * count).at(positions)
     for index, body in enumerate(table.slots.tolist()):
         points = table.points_of(index)
         assert not np.isnan(points).any()
@@ -60,9 +59,7 @@ def test_patches_that_cross_a_border_have_no_step_and_no_hole(name: str, radius:
 @pytest.mark.parametrize("name", ADJACENT)
 def test_boxes_slide_across_a_border_as_over_one_map(name: str) -> None:
     """Down a frictionless plane: the speed after a second is g sin(slope) t, border or not."""
-    terrain = ADJACENT[name]()
-    terrain.shift_time(-10.0)
-    with world_of(terrain, friction=0.0) as world:
+    with world_of(ADJACENT[name](), friction=0.0) as world:
         for index, y in enumerate(np.linspace(-2.0, 2.0, 9).tolist()):
             start = BodyState((0.6 + 0.013 * index, y, 0.0))
             world.spawn(f"box_{index}", Box(0.3, 0.3, 0.2), 1.0, start, on_ground=True, align=True)
@@ -81,7 +78,7 @@ def test_tiles_side_by_side_end_where_one_map_does(gap: float) -> None:
 
     def rolled(terrain: Terrain) -> FloatArray:
         for y in (5.01, 5.1, 5.19):
-            assert np.isnan(terrain.at(np.column_stack([beyond, np.full(21, y)]), time=20.0).heights).all()
+            assert np.isnan(terrain.at(np.column_stack([beyond, np.full(21, y)]), time=0.0).heights).all()
         with World(terrain) as world:
             for k, x in enumerate(beyond):
                 world.spawn(f"{k}", Sphere(0.15), 1.0, BodyState((x, 5.01, 0.16 + surface(x, 5.0))))
@@ -95,7 +92,6 @@ def test_tiles_side_by_side_end_where_one_map_does(gap: float) -> None:
 
 def test_a_tile_that_comes_is_replaced_or_goes_is_what_its_bodies_stand_on() -> None:
     terrain = terrain_of(west=tile(-10, -5, 51, 51, 0.2))
-    terrain.shift_time(-10.0)
     with World(terrain) as world:
         for name, x in (("west", -3.0), ("east", 3.0)):
             world.spawn(name, Sphere(0.2), 1.0, BodyState((x, 0.0, 0.7 + 0.2 * x)))
@@ -113,7 +109,7 @@ def test_a_body_stays_with_its_tile_where_tiles_overlap() -> None:
     terrain = ADJACENT["overlapping"]()
     bodies, tiles = balls_on(terrain, [0.2]), []
     for x in (*np.linspace(-2.0, 2.0, 41), *np.linspace(2.0, -2.0, 41)):
-        tiles += bodies.at(np.array([[x, 0.0, 0.5 + 0.2 * x]]), time=20.0).tiles
+        tiles += bodies.at(np.array([[x, 0.0, 0.5 + 0.2 * x]])).tiles
     assert [tiles[0], tiles[40], tiles[-1]] == ["west", "east", "west"]
     assert sum(a != b for a, b in pairwise(tiles)) == 2
 
@@ -134,7 +130,6 @@ def test_features_at_a_seam_keep_their_names_while_the_body_moves() -> None:
 def test_a_fast_body_over_two_fine_tiles_reads_only_what_is_there() -> None:
     """Without a limit 41 m x 41 m at 1 cm would be 17 million samples, or half a gigabyte."""
     terrain = terrain_of(west=tile(-0.5, -0.5, 51, 51, 0.01), east=tile(0.0, -0.5, 51, 51, 0.01))
-    terrain.shift_time(-10.0)
     with World(terrain) as world:
         world.spawn("fast", Sphere(0.2), 1.0, BodyState((0.0, 0.0, 5.0), linear=(7000.0, 7000.0, -2000.0)))
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

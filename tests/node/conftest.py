@@ -41,9 +41,9 @@ def logged(capfd: pytest.CaptureFixture[str]) -> Logged:
 
 @pytest.fixture(name="now")
 def own_time(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """The time [s] by which nodes of this process run and compare stamps."""
+    """The time [s] by which nodes of this process run, measure and compare stamps."""
     now = [1000.0]
-    for name in ("pace", "stamp_now"):
+    for name in ("pace", "stamp_now", "steady"):
         monkeypatch.setattr(NodeClock, name, lambda _: now[0])
     return now
 

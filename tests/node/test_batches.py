@@ -9,19 +9,16 @@ from hypothesis import strategies as st
 from smartmesh_msgs.msg import BodySpecification
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 
-from smartmesh_ros import Terrain, World
-from smartmesh_ros.node.inputs.conversions import shape_of_primitive, state_from
+from smartmesh_ros import BodyState, Box, Sphere, World
 from smartmesh_ros.node.services.turns import NextTurn, Turns, Work
-from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
-from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
-from tests.node.shared import BALL, box, fed, show_map
-from tests.node.test_ground_services import HILLS, LOW, RESOLUTION, hills
+from tests.bodies import about_z
+from tests.node.shared import BALL, box, fed, on_level, show_map
+from tests.node.test_ground_services import MAP, hills
 
-# So many messages of a thousand bodies are read in time on a busy machine, too: answers wait behind those that are not.
-SHARED = {"publish.patches": 4.0, "publish.body_states": 4.0}
+# A busy machine steps a thousand bodies and reads so many messages of them in time, too: answers wait behind both.
+SHARED = {"physics.rate": 60.0, "publish.patches": 4.0, "publish.body_states": 4.0}
 STANDING: dict[str, Any] = {"on_ground": True, "align": True, "clearance": 0.1}
-FLAT: dict[str, Any] = {"heights": np.zeros((101, 101)), "resolution": 0.5}
 
 
 def specification(index: int, **changes: Any) -> BodySpecification:
@@ -30,19 +27,34 @@ def specification(index: int, **changes: Any) -> BodySpecification:
 
 
 def test_what_is_put_onto_the_ground_stands_as_in_a_world() -> None:
-    """Other shapes: tests/world/test_standing.py."""
-    body = specification(0, shape=box(0.5, 0.3, 0.2), pose=pose_message((1.0, 1.0, 0.0), 0.3), **STANDING)
-    state, shape = state_from(body.pose, body.twist), shape_of_primitive(body.shape)
-    with fed({}) as node, World(hills()) as other:
-        node.give("heightmap", heightmap_message(HILLS, resolution=RESOLUTION, origin=(LOW, LOW, 0.0)))
-        assert node.call("spawn_bodies", SpawnBodies.Request(bodies=[body])).success
-        other.spawn(body.id, shape, body.mass, state, **STANDING)
-        assert node.world.state(body.id) == other.state(body.id)
+    """By the parameter, once there is ground for it, and by a call. Other shapes: tests/world/test_standing.py."""
+    entries = [
+        "{id: low, shape: sphere, size: [0.2], mass: 1.0, xyz: [2, 2, 9.0]}",
+        "{id: high, shape: box, size: [0.2, 0.2, 0.2], xy: [3, 3], above: 1.0, yaw: 0.5}",
+        "{id: ball, shape: sphere, size: [0.3], xy: [0.2, 0.1]}",
+        "{id: box, shape: box, size: [0.5, 0.4, 0.3], xy: [3, 2], clearance: 0.1, align: true}",
+    ]
+    called = specification(0, shape=box(0.5, 0.3, 0.2), pose=pose_message((1.0, 1.0, 0.0), 0.3), **STANDING)
+    with fed({"bodies.spawn": entries}) as node, World(hills()) as other:
+        assert node.world.bodies.keys() == {"low"}
+        node.give("heightmap", heightmap_message(**MAP), steps=0)
+        while node.node.turn():
+            pass
+        assert node.call("spawn_bodies", SpawnBodies.Request(bodies=[called])).success
+        top = float(hills().at([[3.0, 3.0]], 0.0).heights[0]) + 1.0
+        other.spawn("low", Sphere(0.2), 1.0, BodyState((2.0, 2.0, 9.0)))
+        other.spawn("high", Box(0.2, 0.2, 0.2), 1.0, BodyState((3.0, 3.0, top), about_z(0.5)))
+        other.spawn("ball", Sphere(0.3), 1.0, BodyState((0.2, 0.1, 0.0)), on_ground=True)
+        other.spawn("box", Box(0.5, 0.4, 0.3), 1.0, BodyState((3.0, 2.0, 0.0)), **STANDING)
+        other.spawn("body_0", Box(0.5, 0.3, 0.2), 1.0, BodyState((1.0, 1.0, 0.0), about_z(0.3)), **STANDING)
+        assert {name: node.world.state(name) for name in node.world.bodies} == {
+            name: other.state(name) for name in other.bodies
+        }
 
 
 def test_one_bad_body_keeps_all_out_and_every_bad_one_is_named() -> None:
     """As a name that is not there keeps all in."""
-    with Replay([("heightmap", 0.0, heightmap_message(**FLAT))]) as run:
+    with on_level() as run:
         run.run(0.1)
 
         def spawned(*bodies: BodySpecification) -> Any:
@@ -86,7 +98,7 @@ def require_done(probe: Probe, service: str, kind: Any, requests: list[Any]) -> 
 def test_a_thousand_bodies_come_and_go_by_one_call_and_by_two_hundred_in_flight_each_of_which_is_answered(
     shared: Probe,
 ) -> None:
-    show_map(shared, **FLAT)
+    show_map(shared, np.zeros((101, 101)), resolution=0.5)
     bodies = [specification(index) for index in range(1000)]
     few, many, ids = bodies[:200], bodies[200:], [body.id for body in bodies]
     spawns = [SpawnBody.Request(id=body.id, mass=body.mass, shape=body.shape, pose=body.pose) for body in few]
@@ -99,27 +111,6 @@ def test_a_thousand_bodies_come_and_go_by_one_call_and_by_two_hundred_in_flight_
     assert shared.call("remove_bodies", RemoveBodies, ids=ids[200:990]).success
     shared.wait_for(lambda: shared.diagnostics("bodies")["simulated"] == "10")
     shared.wait_for(lambda: len(shared.patches()) == 10)
-
-
-def test_the_parameter_spawns_bodies_once_there_is_ground_for_them() -> None:
-    bodies = [
-        "{id: low, shape: sphere, size: [0.2], mass: 1.0, xyz: [2, 2, 9.0]}",
-        "{id: high, shape: box, size: [0.2, 0.2, 0.2], xy: [3, 3], above: 1.0, yaw: 0.5}",
-        "{id: ball, shape: sphere, size: [0.3], xy: [0.2, 0.1]}",
-        "{id: box, shape: box, size: [0.5, 0.4, 0.3], xy: [3, 2], clearance: 0.1, align: true}",
-    ]
-    parameters = {"bodies.spawn": bodies, "physics.gravity": [0.0, 0.0, 0.0]}
-    message = heightmap_message(HILLS, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
-    with Replay([("heightmap", 0.0, message)], parameters) as run:
-        assert run.world.bodies.keys() == {"low"}
-        run.run(0.1)
-        ball, box, high = (run.world.state(name) for name in ("ball", "box", "high"))
-        ground = ground_samples(Terrain(hills()), checked_points([[0.2, 0.1], [3.0, 2.0], [3.0, 3.0]]), 0.0)
-        assert high.position == pytest.approx((3.0, 3.0, ground.z[2] + 1.0), abs=1e-6)
-        assert ball.position[2] - ground.z[0] == pytest.approx(0.3 / ground.normals[0, 2], abs=0.02)
-        assert box.position[2] - ground.z[1] == pytest.approx(0.25 / ground.normals[1, 2], abs=0.02)
-        x, y, _, _ = box.orientation
-        assert 1.0 - 2.0 * (x**2 + y**2) == pytest.approx(ground.normals[1, 2], abs=0.02)
 
 
 @pytest.mark.parametrize("turns", range(3))

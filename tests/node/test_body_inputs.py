@@ -19,7 +19,6 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node import session
 from smartmesh_ros.node.inputs.tracking import Tracking
 from smartmesh_ros.node.refusals import LOG_PERIOD
-from smartmesh_ros.node.timing.pacing import NodeClock
 from smartmesh_ros.tools.testing import pose_message
 from tests.bodies import about_z
 from tests.examples import examples
@@ -91,9 +90,8 @@ def test_poses_in_another_frame_are_transformed(logged: Logged) -> None:
             assert node.world.bodies.keys() == {"arm", "stone", *(f"body_{index}" for index in range(count))}
 
 
-def test_each_body_that_times_out_is_named(now: list[float], monkeypatch: pytest.MonkeyPatch, logged: Logged) -> None:
+def test_each_body_that_times_out_is_named(now: list[float], logged: Logged) -> None:
     """Also those that follow another within the pause of that line in the log."""
-    monkeypatch.setattr(NodeClock, "steady", lambda _: now[0])
     with fed({"bodies.timeout": 0.5}) as node:
         for name in ("first", "second"):
             node.give("tracked_bodies", TrackedBodyArray(bodies=[TrackedBody(id=name)]), steps=1)

@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from smartmesh_msgs.msg import BodySpecification, ColliderPatchArray
 from smartmesh_msgs.srv import RemoveBodies, SpawnBodies
 from visualization_msgs.msg import MarkerArray
 
-from smartmesh_ros import BodyState, Box, Sphere, World
+from smartmesh_ros import BodyState, Box, Sphere
 from smartmesh_ros.node.outputs import rates, transform_outputs
 from smartmesh_ros.node.outputs.rates import Rhythm
 from tests.faults import Faults, bullet_faults
@@ -110,29 +111,20 @@ def test_an_output_that_fails_stops_no_other(wire: Wire, node: Fed) -> None:
     assert wire.topics() == everything
 
 
-class Spoiler:
-    """Leaves a body of a world nowhere after one step."""
-
-    def __init__(self, world: World, name: str) -> None:
-        self._world, self._uid = world, world.body(name).uid
-        world.watchers.append(self)
-
-    def before_step(self) -> None:
-        """Nothing is done before it."""
-
-    def after_step(self) -> None:
-        self._world.client.resetBasePositionAndOrientation(self._uid, (math.nan, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
-        self._world.watchers.remove(self)
-
-
 def test_a_body_that_a_step_leaves_nowhere_ends_no_node(wire: Wire, node: Fed) -> None:
     """It is removed in the next step; until then some outputs fail, but markers are of the other bodies."""
     node.node.pacer.pause(True)
     node.world.spawn("lost", Sphere(0.2), 1.0, BodyState((2.0, 0.0, 0.5)))
     publish_all(node)
     everything = wire.topics()
-    Spoiler(node.world, "lost")
+    uid = node.world.body("lost").uid
+
+    def leave_nowhere() -> None:
+        node.world.client.resetBasePositionAndOrientation(uid, (math.nan, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
+
+    node.world.watchers.append(SimpleNamespace(before_step=int, after_step=leave_nowhere))
     publish_all(node)
+    node.world.watchers.pop()
     scenes = [deserialize_message(data, MarkerArray) for topic, data in wire.sent if topic.endswith("/scene")]
     assert np.isfinite([marker.pose.position.x for scene in scenes for marker in scene.markers]).all()
     its_map = "/terrain_collider/ground_map/lost"

@@ -164,10 +164,6 @@ def test_nothing_of_before_stays_when_the_clock_goes_back(straggles: bool) -> No
         def refused() -> int:
             return sum(count for key, count in node.node.refusals.counts.items() if "stamp_backwards" in key)
 
-        def set_time(at: float) -> None:
-            node.node._time_source.clock_callback(Clock(clock=stamp_of(at)))
-            node.run(12)
-
         def send(at: float, *names: str) -> None:
             tracked = TrackedBodyArray(bodies=[TrackedBody(id=name, radius=0.2) for name in names])
             pose, moved = Odometry(), TransformStamped(child_frame_id="base_link")
@@ -182,14 +178,14 @@ def test_nothing_of_before_stays_when_the_clock_goes_back(straggles: bool) -> No
         def play(first: float, duration: float, *names: str) -> None:
             """Plays at 20 Hz from a time on, for so long [s]."""
             for tick in range(round(20.0 * duration)):
-                set_time(first + tick / 20.0)
+                set_clock(node, first + tick / 20.0)
                 send(first + tick / 20.0, *names)
 
         play(5000.0, 1.0, "always", "ghost")
         assert bodies.keys() == {"always", "ghost", "driven", "framed"}
         assert refused() == 0
         if straggles:
-            set_time(1000.0)
+            set_clock(node, 1000.0)
             send(5001.0, "always")
         play(1000.3, 1.5, "always")
         assert bodies.keys() == {"always", "driven", "framed"}

@@ -18,6 +18,7 @@ from smartmesh_msgs.msg import BodyDescription, TrackedBody, TrackedBodyArray
 from smartmesh_ros import InputError
 from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
 from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.node.fleet import peers
 from smartmesh_ros.node.fleet.peers import PeerReader
 from smartmesh_ros.node.inputs.cdr_reader import map_from
 from smartmesh_ros.node.inputs.conversions import primitive_of, shape_of_primitive
@@ -25,7 +26,6 @@ from smartmesh_ros.node.outputs.body_outputs import description
 from smartmesh_ros.tools.testing import heightmap_message
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.state_table import require_valid
-from tests.node.test_refusals import changed
 
 texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=12)
 floats32 = st.floats(-1e6, 1e6, width=32, allow_subnormal=False)
@@ -105,14 +105,17 @@ def test_spoilt_messages_are_refused_or_read_and_nothing_else(names: list[str], 
         ({"bodies": [TrackedBody(id="a"), TrackedBody(id="a")]}, "duplicate_id"),
         *[({"bodies": [TrackedBody(id=name)]}, "empty_id") for name in ("a/b", " ", "\x1b[2J")],
         ({"bodies": [TrackedBody(id="x" * 257)]}, "name"),
-        ({"bodies": [TrackedBody()] * 100_001}, "size"),
+        ({"bodies": [TrackedBody()] * 4}, "size"),
         ({"ahead": math.nan}, "non_finite"),
         ({"ahead": 1e9}, "stamp"),
         ({"gravity": np.array([0, 0, math.inf], np.float32)}, "non_finite"),
     ],
 )
-def test_hostile_messages_are_refused_by_reason(change: dict[str, Any], reason: str) -> None:
-    message = changed(TrackedBodyArray(rate=240.0), **change)
+def test_hostile_messages_are_refused_by_reason(
+    monkeypatch: pytest.MonkeyPatch, change: dict[str, Any], reason: str
+) -> None:
+    """The cap of bodies is lowered here."""
+    monkeypatch.setattr(peers, "MOST_BODIES", 3)
     with pytest.raises(InputError) as refused:
-        PeerReader().read(bytes(serialize_message(message)))
+        PeerReader().read(bytes(serialize_message(TrackedBodyArray(rate=240.0, **change))))
     assert refused.value.reason == reason

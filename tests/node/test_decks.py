@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import Odometry
 from smartmesh_msgs.msg import HeightmapUpdate
 from tf2_msgs.msg import TFMessage
 
-from smartmesh_ros import BodyState, Box
+from smartmesh_ros import BodyState, Box, InputError
 from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.testing import heightmap_message, mesh_message, pose_message
@@ -54,6 +55,12 @@ def test_decks_follow_a_frame_and_an_odometry(now: list[float]) -> None:
         for tile, frame in (("ferry", "ferry/base_link"), ("barge", "")):
             node.give("heightmap", heightmap_message(FLAT, resolution=0.25, origin=ORIGIN, tile=tile, frame_id=frame))
         assert max(node.play(now, 4.0, 0.02, sail, error)[240:]) < 0.002
+        _, words, values = node.node._outputs._diagnostics._terrain()
+        assert "pose" not in words and float(values["age of deck 'ferry' [s]"]) < 0.1
+        now[0] += 3.0
+        level, words, values = node.node._outputs._diagnostics._terrain()
+        assert level == DiagnosticStatus.WARN and words == "no pose comes of the decks barge, ferry, which rest"
+        assert values["tiles of deck 'ferry'"] == 1
 
 
 def test_a_deck_moves_on_at_the_velocity_that_its_odometry_states() -> None:
@@ -97,6 +104,8 @@ def test_maps_in_the_frame_of_a_deck_are_its_maps_and_a_reset_keeps_them() -> No
     with fed({"decks": [FERRY], "frame_id": "map"}) as node:
         node.give("heightmap", heightmap_message(FLAT, resolution=0.25, origin=ORIGIN, frame_id="ferry/base_link"))
         assert node.world.terrain.empty
+        with pytest.raises(InputError, match="not the terrain's frame 'map', nor 'ferry/base_link' of deck 'ferry'"):
+            node.node.session.require_frame("ferry")
 
         def sail(height: float) -> None:
             frame = transform_message(node, "map", "ferry/base_link", (0.0, 0.0, height))

@@ -22,14 +22,14 @@ SIDE = 101  # samples of 0.5 m
 PLACES = {"ball_0": (0.0, 0.0), "ball_1": (3.0, 1.0), "box_2": (-2.0, -3.0), "husky": (19.0, 8.0)}
 
 
-def still_pictures(folder: Path) -> dict[str, np.ndarray]:
-    """The still pictures of a short demo, by name, as colours (rows, columns, 3)."""
+def still_picture(folder: Path) -> np.ndarray:
+    """The still picture of a short demo, as colours (rows, columns, 3)."""
     x = np.linspace(-25.0, 25.0, SIDE)
     heights = np.tile(0.5 * np.sin(0.3 * x), (SIDE, 1)).astype(np.float32)
     bodies = {name: (*xy, 0.8) for name, xy in PLACES.items()}
     frames = [Frame(float(time), x, x, heights, np.empty((0, 3, 3)), bodies) for time in range(6)]
-    paths = demo_pictures.draw(frames, folder)
-    return {path.name: np.asarray(imread(path))[..., :3] for path in paths if Path(path).suffix == ".png"}
+    picture, _ = demo_pictures.draw(frames, folder)
+    return np.asarray(imread(picture))[..., :3]
 
 
 def pixels(picture: np.ndarray, kind: str) -> int:
@@ -47,7 +47,7 @@ def frames_of(picture: np.ndarray) -> list[np.ndarray]:
 
 
 def test_all_of_the_ground_and_every_body_are_in_the_pictures_and_no_other_in_the_legend(tmp_path: Path) -> None:
-    picture = still_pictures(tmp_path)["demo.png"]
+    picture = still_picture(tmp_path)
     for edge in (picture[0], picture[-1], picture[:, 0], picture[:, -1]):
         assert (edge > 0.99).all()
     for frame in frames_of(picture):
@@ -59,7 +59,7 @@ def test_all_of_the_ground_and_every_body_are_in_the_pictures_and_no_other_in_th
 def test_what_would_fail_at_the_end_of_the_demo_is_told_at_its_start(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(demo, "run", lambda _: ([], 0, {}))
+    monkeypatch.setattr(demo, "run", lambda *_: ([], 0, {}))
     with pytest.raises(SystemExit, match="name another folder by --out"):
         demo.main(["--out", "/proc/nowhere"])
     monkeypatch.setitem(sys.modules, "matplotlib", None)

@@ -1,12 +1,12 @@
 """Bases that drive by velocities, their odometry and frames, and IMUs."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from geometry_msgs.msg import Twist, TwistStamped, Vector3
-from sensor_msgs.msg import Imu
+from smartmesh_msgs.srv import StepPhysics
+from std_srvs.srv import SetBool
 
 from smartmesh_ros import BodyState, Box, HeightMap
 from tests import urdfs
@@ -78,23 +78,18 @@ def test_commands_that_cannot_be_are_refused(domain: int) -> None:
         assert abs(node.world.base_state("digger").linear[0]) < 0.05
 
 
-def test_imus_measure_for_subscribers_alone_and_steps_of_a_pause_have_their_own_stamps(domain: int) -> None:
-    with fed({"imus": ["{body: box, rate: 120}"], "frame_id": "map", "publish.clock": 60.0}) as node:
-        node.world.spawn("box", Box(0.3, 0.3, 0.3), 1.0, BodyState((0.0, 0.0, 50.0)))
-        [output] = node.node._outputs._of_entries["imu"]
-        node.run(10)
-        assert not node.world.watchers
-        found: list[Imu] = []
-        count = 1
-        output.publisher = SimpleNamespace(publish=found.append, get_subscription_count=lambda: count)
-        node.run(2)
-        found.clear()
-        node.node.pacer.pause(True)
-        start = node.world.time
-        node.step(20)
+def test_imus_measure_for_subscribers_alone_and_steps_of_a_pause_have_their_own_stamps() -> None:
+    with on_level({"imus": ["{body: box, rate: 120}"], "publish.clock": 60.0}, keep=["imu/box"]) as run:
+        run.world.spawn("box", Box(0.3, 0.3, 0.3), 1.0, BodyState((2.0, 2.0, 50.0)))
+        run.run(0.1)
+        assert run.call("pause", SetBool.Request(data=True)).success
+        start, before = run.world.time, len(run.received("imu/box"))
+        assert run.call("step", StepPhysics.Request(steps=20)).success
+        found = run.received("imu/box")[before:]
         times = [seconds(message.header.stamp) - start for message in found]
         np.testing.assert_allclose(times, np.arange(1, 11) / 120.0, atol=1e-6)
         assert found[-1].header.frame_id == "box"
-        count = 0
-        node.step(1)
-        assert not node.world.watchers
+        assert run.world.watchers
+        run.node.publishers["/terrain_collider/imu/box"].record = None  # nobody subscribes any more
+        assert run.call("step", StepPhysics.Request(steps=1)).success
+        assert not run.world.watchers

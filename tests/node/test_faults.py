@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -18,8 +17,8 @@ from smartmesh_msgs.srv import SpawnBody
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.tools.demo import rover
-from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, assert_on_map, heightmap_message
-from tests.node.shared import LATCHED, made_with, refusals
+from smartmesh_ros.tools.testing import COLLIDER, Probe, assert_on_map, heightmap_message
+from tests.node.shared import made_with, refusals
 
 SHAPE = (40, 30)
 SHARED = {"terrain.motion": "hold"}
@@ -58,20 +57,6 @@ def test_the_newest_map_holds_whoever_sent_it_and_stamps_far_ahead_shut_none_out
     shared.wait_for(lambda: shared.latest("timing").real_time_factor > 0.0)
     for publisher in publishers:
         shared.node.destroy_publisher(publisher)
-
-
-def test_a_node_that_was_killed_comes_back_with_the_latched_map(udp_only: None, probe: Probe) -> None:
-    map_message = heightmap_message(rough(1))
-    keeper = probe.node.create_publisher(Heightmap, f"{COLLIDER}/heightmap", LATCHED)
-    keeper.publish(map_message)
-    overrides = {f"{COLLIDER}/heightmap": {"subscription": {"durability": "transient_local"}}}
-    settings = {"qos_overrides": overrides, "terrain.motion": "hold"}
-    for _ in range(2):
-        with Process("terrain_collider", settings) as process:
-            probe.wait_for(on_map(probe, map_message), watch=process)
-            process.process.send_signal(signal.SIGKILL)
-            assert process.process.wait(TIMEOUT) == -signal.SIGKILL
-    probe.node.destroy_publisher(keeper)
 
 
 def test_a_subscriber_that_reads_nothing_does_not_slow_the_node(shared: Probe) -> None:

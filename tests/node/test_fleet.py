@@ -2,8 +2,8 @@
 
 What bodies of two nodes do to each other: tests/world/test_guests.py; from recorded states: tests/tools/replay."""
 
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,12 +26,17 @@ PHYSICS = {"physics.rate": 120.0, "physics.restitution": 0.97, "physics.friction
 
 
 class Fleet:
-    """A probe of a fleet: what its nodes say, by their index."""
+    """A probe of a fleet: what its nodes say, by their index. ``commands``: of its processes, by name."""
 
-    def __init__(self, probe: Probe) -> None:
-        self.probe = probe
+    def __init__(self, probe: Probe, commands: dict[str, list[str]]) -> None:
+        self.probe, self._commands = probe, commands
         self.states = [probe.listen(f"{name}/body_states", TrackedBodyArray) for name in NODES]
         self.maps = probe.node.create_publisher(Heightmap, "/fleet/heightmap", 10)
+
+    def start(self, name: str) -> Process:
+        """Start a process."""
+        program, *arguments = self._commands[name]
+        return Process(Path(program).name, arguments=arguments)
 
     def show_ground(self) -> None:
         """Publishes flat ground until the nodes have it, which names its frame."""
@@ -69,26 +74,16 @@ class Fleet:
         )
 
 
-@contextmanager
-def node(index: int, **parameters: Any) -> Iterator[Process]:
-    names = [("__ns", layout.namespace_of(index)), *layout.remappings()]
-    arguments = ["--ros-args", *(part for old, new in names for part in ("-r", f"{old}:={new}")), "--"]
-    own = layout.parameters_of(index, len(NODES))
-    with Process("terrain_collider", {**own, **PHYSICS, **parameters}, arguments) as process:
-        yield process
-
-
 @pytest.fixture
-def fleet(udp_only: None, probe: Probe) -> Fleet:
-    return Fleet(probe)
+def fleet(udp_only: None, probe: Probe, tmp_path: Path) -> Fleet:
+    return Fleet(probe, layout.commands(tmp_path, len(NODES), {"timeout": FRONT_TIMEOUT}, PHYSICS))
 
 
 def test_bodies_of_two_nodes_outlive_a_node(fleet: Fleet) -> None:
     probe = fleet.probe
     patches, timing = probe.listen("/fleet/patches", MarkerArray), probe.listen("/fleet/timing", Timing)
     with ExitStack() as stack:
-        processes = [stack.enter_context(node(index)) for index in range(2)]
-        front = stack.enter_context(Process("fleet_front", {"nodes": NODES, "timeout": FRONT_TIMEOUT}))
+        *_, dying, front = (stack.enter_context(fleet.start(name)) for name in ("node_0", "node_1", "front"))
         fleet.show_ground()
         probe.wait_for(fleet.complete)
         assert fleet.spawn("still", 0.0).success
@@ -110,7 +105,7 @@ def test_bodies_of_two_nodes_outlive_a_node(fleet: Fleet) -> None:
 
         last = {body.id: body.pose.position for body in fleet.states[1][-1].bodies}
         seen = len(patches)
-        processes[1].process.kill()
+        dying.process.kill()
         probe.wait_for(lambda: fleet.bodies(0) >= last.keys())
         now = {body.id: body.pose.position for body in fleet.states[0][-1].bodies}
         for name, position in last.items():
@@ -131,7 +126,7 @@ def test_bodies_of_two_nodes_outlive_a_node(fleet: Fleet) -> None:
         assert cleared() == [layout.marker_namespace(NODES[1])]
 
         # It comes back, and is given what comes next.
-        stack.enter_context(node(1))
+        stack.enter_context(fleet.start("node_1"))
         fleet.states[1].clear()
         fleet.show_ground()
         probe.wait_for(lambda: front.output.count(f"{NODES[1]} joined the fleet") == 2)  # diagnostics may be old

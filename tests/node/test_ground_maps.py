@@ -3,7 +3,6 @@
 import csv
 import math
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.serialization import serialize_message
 
-from smartmesh_ros import BodyState, Box, HeightMap, HeightScan, Sphere, Terrain
+from smartmesh_ros import BodyState, Box, HeightScan, Sphere, Terrain
 from smartmesh_ros.node.outputs import scan_outputs
 from smartmesh_ros.terrain.height_scan import yaws_of
 from smartmesh_ros.tools.replay.replay import Replay
@@ -21,35 +20,31 @@ from smartmesh_ros.tools.testing import heightmap_message
 from smartmesh_ros.world.height_scanner import HeightScanner
 from tests import urdfs
 from tests.grid_maps import grid_map_message
-from tests.node.shared import fed, made_with
-from tests.node.test_ground_services import HILLS, LOW, RESOLUTION, hills
+from tests.node.shared import made_with
+from tests.node.test_ground_services import HILLS, MAP, hills
 
 SIZE, SPACING = (3.0, 2.0), 0.25
 
 
 def test_a_ground_map_is_the_ground_in_the_layout_of_grid_map(monkeypatch: pytest.MonkeyPatch) -> None:
-    entry = f"{{body: 1 ball, size: {[*SIZE]}, spacing: {SPACING}, rate: 10}}"
-    with fed({"frame_id": "map", "ground_maps": [entry, "{body: nobody}"]}) as node:
-        heights, friction = HILLS.copy(), np.random.default_rng(0).uniform(0.2, 1.0, HILLS.shape)
-        heights[40, 45] = np.nan
-        terrain = node.world.terrain
-        for time, rise in ((0.0, 0.0), (0.1, 0.05)):
-            terrain.put("", HeightMap(heights + rise, resolution=RESOLUTION, origin=(LOW, LOW), time=time,
-                                      friction=friction))  # fmt: skip
-        node.world.track("1 ball", 0.2, BodyState((1.3, 0.6, 1.0)))
-        output, _ = node.node._outputs._of_entries["ground_map"]
-        assert output.publisher.topic_name.endswith("/ground_map/_1_ball")
-        found: list[tuple[float, Any]] = []
-        with monkeypatch.context() as without_subscribers:
-            without_subscribers.setattr(scan_outputs, "ground_layers", None)
-            node.run(10)
-        keep = SimpleNamespace(
-            publish=lambda message: found.append((node.world.time, message)), get_subscription_count=lambda: 1
-        )
-        monkeypatch.setattr(output, "publisher", keep)
-        node.run(72)
-        assert len(found) in (3, 4)
-        time, message = found[-1]
+    entry, topic = f"{{body: 1 ball, size: {[*SIZE]}, spacing: {SPACING}, rate: 10}}", "ground_map/_1_ball"
+    heights, friction = HILLS.copy(), np.random.default_rng(0).uniform(0.2, 1.0, HILLS.shape)
+    heights[40, 45] = np.nan
+    maps = [
+        ("heightmap", time, heightmap_message(**{**MAP, "heights": heights + rise}, friction=friction))
+        for time, rise in ((0.0, 0.0), (0.1, 0.05))
+    ]
+    parameters, ball = {"ground_maps": [entry, "{body: nobody}"]}, BodyState((1.3, 0.6, 1.0))
+    with monkeypatch.context() as without_subscribers, Replay(maps, parameters) as run:
+        without_subscribers.setattr(scan_outputs, "ground_layers", None)
+        run.world.track("1 ball", 0.2, ball)
+        run.run(0.3)
+    with Replay(maps, parameters, keep=[topic]) as run:
+        run.world.track("1 ball", 0.2, ball)
+        while len(run.received(topic)) < 4:
+            run.run(run.time + run.world.dt)
+        time, message = run.world.time, run.received(topic)[-1]
+        assert time == pytest.approx(0.35, abs=0.06), "at 10 Hz"
         assert message.header.frame_id == "map"
         vectors = [f"{what}_{axis}" for what in ("velocity", "normal") for axis in "xyz"]
         assert [*message.layers] == ["elevation", *vectors, "friction", "sinkage", "age"]
@@ -62,7 +57,7 @@ def test_a_ground_map_is_the_ground_in_the_layout_of_grid_map(monkeypatch: pytes
         ]  # fmt: skip
         row, column = (index.ravel() for index in np.mgrid[:rows, :columns])
         x, y = middle.x + 0.5 * SIZE[0] - (row + 0.5) * SPACING, middle.y + 0.5 * SIZE[1] - (column + 0.5) * SPACING
-        at = node.world.ground.at(np.column_stack([x, y]), time)
+        at = run.world.ground.at(np.column_stack([x, y]), time)
         known = np.column_stack([at.z, at.velocities, at.normals, at.friction, 0.0 * at.z, at.ages])
         cells = np.array([layer.data for layer in message.data])[:, column * rows + row]
         np.testing.assert_allclose(cells.T, known, rtol=1e-5, atol=1e-6)
@@ -136,9 +131,8 @@ SCANS = {
 
 def on_hills(parameters: dict[str, Any], *topics: str) -> Replay:
     """A run on hills, of which these height scans have a subscriber."""
-    ground = heightmap_message(HILLS, resolution=RESOLUTION, origin=(LOW, LOW, 0.0))
     keep = [f"height_scan/{topic}" for topic in topics]
-    return Replay([("heightmap", 0.0, ground)], {**parameters, "terrain.motion": "hold"}, keep=keep)
+    return Replay([("heightmap", 0.0, heightmap_message(**MAP))], {**parameters, "terrain.motion": "hold"}, keep=keep)
 
 
 def test_scans_of_all_kinds_of_bodies_are_the_ground_around_them() -> None:

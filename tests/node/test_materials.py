@@ -9,7 +9,6 @@ import pytest
 from geometry_msgs.msg import Twist, Vector3
 from grid_map_msgs.msg import GridMap
 from numpy.typing import NDArray
-from rclpy.qos import QoSProfile
 from smartmesh_msgs.msg import HeightmapUpdate
 from smartmesh_msgs.srv import StepPhysics
 from std_srvs.srv import SetBool
@@ -81,7 +80,7 @@ def test_layers_of_a_grid_map_hold_the_material() -> None:
             return grid_map_message(layers, RESOLUTION, start=start, stamp=node.now())
 
         node.give("grid_map", grid_map(halves()))
-        assert (coefficients(node) == 1.0).all()
+        assert (coefficients(node) == 1.0).all() and node.node.settings.motion.changes == "motion"
         assert not node.set("raster.material_layers", ["friction=slip", "rolling", "soil=kind"])
         for start in ((0, 0), (3, 17)):
             node.give("grid_map", grid_map(halves(), start))
@@ -119,7 +118,7 @@ SAND: dict[str, Any] = {"heights": np.zeros((SAMPLES, SAMPLES)), "resolution": 0
 
 
 def test_bodies_of_a_collider_stand_on_soil(probe: Probe) -> None:
-    grids = probe.listen("/terrain_collider/sinkage", GridMap, QoSProfile(depth=10))
+    grids = probe.listen("sinkage", GridMap)
     with probe.running("terrain_collider", {"soil.type": ["lunar"], "publish.body_states": 60.0}):
         show_map(probe, **SAND)
         spawn(probe, "plate", (0.003, 0.007, 0.0501), shape=PLATE, mass=MASS)
@@ -157,7 +156,7 @@ def test_a_map_that_cannot_be_soil_is_taken_without() -> None:
 
 def test_a_rover_leaves_ruts_where_it_drove(probe: Probe) -> None:
     """The two nodes of soil.launch.py rover:=true."""
-    pressed = probe.listen("/terrain_collider/pressed_ground", HeightmapUpdate, QoSProfile(depth=1000))
+    pressed = probe.listen("pressed_ground", HeightmapUpdate, 1000)
     soil = {"soil.type": ["hit_lss1"], "soil.slip_sinkage": False, "publish.body_states": 60.0}
     with probe.running("terrain_collider", soil), probe.running("rover", {}):
 

@@ -125,13 +125,6 @@ def test_deleting_a_parameter_empties_a_list_and_is_refused_of_all_others() -> N
         assert node.set_parameters_atomically([Parameter("physics.rate", value=60.0)]).successful
 
 
-def test_a_folder_of_a_user_who_is_not_there_is_one_that_is_not_there(logged: Logged) -> None:
-    folders = "bodies.urdf_folders"
-    with made_with(TerrainCollider, {folders: ["~nobody_here/robots"]}) as node:
-        assert node.set_parameters_atomically([Parameter(folders, value=["~nobody_here"])]).successful
-    assert logged().count("but there is no folder") == 2
-
-
 def test_a_printed_parameter_file_says_all_the_defaults(tmp_path: Path, logged: Logged) -> None:
     file = tmp_path / "all.yaml"
     file.write_text(parameter_file("terrain_collider", SPECS))

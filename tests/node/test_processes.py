@@ -21,9 +21,8 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.refusals import Refusals
 from smartmesh_ros.node.running import run
 from smartmesh_ros.node.timing.pacing import Pacer
-from smartmesh_ros.startup.dds import isolated_unless_chosen, require_domain
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, assert_cannot_start, executable
-from tests.node.shared import wait_until
+from tests.node.shared import show_map, wait_until
 from tests.preloaded import has_ended
 
 pytestmark = pytest.mark.usefixtures("executables")
@@ -41,8 +40,7 @@ def own_signals() -> Iterator[None]:
 def test_a_signal_ends_the_node_cleanly(probe: Probe) -> None:
     """SIGTERM: `test_signals_are_obeyed_within_a_second_under_load`."""
     with probe.running() as process:
-        probe.publish_map(np.zeros((50, 50)))
-        probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] == "2500")
+        show_map(probe, np.zeros((50, 50)))
         # A long answer, which is given in turns, comes after short ones; each gets its own.
         asked = probe.client("query_ground", QueryGround)
         calls = [asked.call_async(QueryGround.Request(x=[0.1] * n, y=[0.1] * n)) for n in (90_000, 1, 50_000, 2)]
@@ -163,15 +161,6 @@ def test_a_node_runs_without_a_folder_for_logs(
         assert process.stop() == 0
 
 
-def test_a_domain_may_be_written_as_rcl_reads_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    for text, number in (("007", 7), ("010", 8), ("0x1f", 31), ("08", None)):
-        monkeypatch.setenv("ROS_DOMAIN_ID", text)
-        with pytest.raises(SystemExit) if number is None else contextlib.nullcontext():
-            require_domain()
-            with isolated_unless_chosen() as chosen:
-                assert chosen == number
-
-
 def test_a_node_runs_with_its_standard_streams_closed(probe: Probe) -> None:
     command = 'exec "$0" >&- 2>&- <&-'
     with subprocess.Popen(["sh", "-c", command, str(executable("terrain_collider"))]) as process:
@@ -204,17 +193,23 @@ def test_a_node_counts_no_deadlines_while_it_starts(own_signals: None, monkeypat
     assert missed[0] < 100
 
 
+SECURE = {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce", "ROS_SECURITY_KEYSTORE": "/nowhere"}
+
+
 @pytest.mark.parametrize(
-    ("name", "parameters", "domain_id", "words"),
+    ("name", "parameters", "environment", "words"),
     [
-        ("terrain_collider", {"bodies.spawn": ["{id: x}"]}, "", "cannot start: bodies.spawn"),
-        ("terrain_score", {"csv": "/nowhere/score.csv"}, "", "cannot start: csv cannot be written: [Errno 2]"),
-        ("terrain_collider", {}, "300", "ROS_DOMAIN_ID is '300'; it must be"),
+        ("terrain_collider", {"bodies.spawn": ["{id: x}"]}, {}, "bodies.spawn"),
+        ("terrain_score", {"csv": "/nowhere/score.csv"}, {}, "csv cannot be written: [Errno 2]"),
+        ("terrain_collider", {}, {"ROS_DOMAIN_ID": "300"}, "ROS_DOMAIN_ID is '300'; it must be"),
+        # No node runs in the clear where security was asked for.
+        ("terrain_collider", {}, SECURE, "no security, which ROS_SECURITY_ENABLE asks for: "),
     ],
 )
-def test_what_cannot_be_stops_the_start(name: str, parameters: dict[str, Any], domain_id: str, words: str) -> None:
-    environment = {"ROS_DOMAIN_ID": domain_id} if domain_id else None
-    assert_cannot_start(parameters, words, name=name, environment=environment)
+def test_what_cannot_be_stops_the_start(
+    name: str, parameters: dict[str, Any], environment: dict[str, str], words: str
+) -> None:
+    assert_cannot_start(parameters, f"cannot start: {words}", name=name, environment=environment)
 
 
 def test_signals_are_obeyed_within_a_second_under_load(probe: Probe) -> None:

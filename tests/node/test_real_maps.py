@@ -8,7 +8,6 @@ from typing import get_args
 import numpy as np
 import pytest
 import rclpy
-from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from grid_map_msgs.msg import GridMap
 from nav_msgs.msg import Odometry
@@ -20,32 +19,17 @@ from smartmesh_ros import BodyState, Box
 from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.node.inputs.adapters import grid_map_raster
 from smartmesh_ros.node.inputs.map_checks import MapChecks, Rivals
-from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy, stamp_of
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.motion import MotionMode
 from smartmesh_ros.tools.testing import Probe, bags, heightmap_message
 from tests.memory import allocated
-from tests.node.shared import Logged, fed
+from tests.node.shared import Logged, fed, seconds
 from tests.terrain.test_noise_check import of_mapper
 
 MAPPER = Path(__file__).parents[1] / "data" / "mapper"
-DEFAULTS = {spec.name: spec.default for spec in SPECS}
 GRID = GridGeometry(rows=21, columns=21, resolution=0.5)
 LEVEL = np.zeros((21, 21), np.float32)
-
-
-@pytest.mark.parametrize(
-    ("said", "source", "meant"),
-    [
-        ("auto", "heightmap", "motion"),
-        ("auto", "grid_map", "correction"),
-        ("motion", "grid_map", "motion"),
-    ],
-)
-def test_what_changes_mean_follows_from_the_input_unless_it_is_said(said: str, source: str, meant: str) -> None:
-    values = {**DEFAULTS, "terrain.changes": said, "terrain.input": source}
-    assert settings_from(values).motion.changes == meant
 
 
 def told(rivals: Rivals, height: Callable[[int], float], grids: Sequence[GridGeometry] = (GRID,)) -> bool:
@@ -71,7 +55,7 @@ ADVICE = "set terrain.changes: correction"
 def test_maps_of_a_mapper_that_are_taken_for_motion_are_a_warning(logged: Logged, given: bool) -> None:
     """Unless their velocities say that the ground moves."""
     maps = [heights for _, _, heights in of_mapper(6.2, 10.0, noise=0.005, drift=0.01, closure=0.08)]
-    with fed({"terrain.changes": "motion"}) as node:
+    with fed({}) as node:
 
         def give(number: int) -> tuple[bytes, str]:
             """Gives a map that holds from now on; level and words of the diagnostics a tenth of a second later."""
@@ -134,6 +118,7 @@ def test_the_shipped_bag_of_a_mapper_is_taken_and_after_a_reset_again(logged: Lo
     place = deserialize_message(data["/odom"], Odometry).pose.pose.position
     with fed({"terrain.input": "grid_map", "bodies.odometry": ["rover=/odom"], "bodies.timeout": 60.0}) as node:
         counts = node.node.refusals.counts
+        assert node.node.settings.motion.changes == "correction", "grid maps correct the last one"
         for refused in (set(), {"grid_map: stamp_backwards", "/odom: stamp_backwards"}, set()):
             counts.clear()
             for record in records:
@@ -149,27 +134,22 @@ def test_the_shipped_bag_of_a_mapper_is_taken_and_after_a_reset_again(logged: Lo
                 node.node.reset()
 
 
-def before(stamp: Time, seconds: int, tenths: int = 0) -> Time:
-    total = stamp.sec * 10**9 + stamp.nanosec - seconds * 10**9 - tenths * 10**8
-    return Time(sec=total // 10**9, nanosec=total % 10**9)
-
-
 def test_older_stamps_are_taken_again_and_bodies_stay_where_they_are() -> None:
     """The clock of the source was set back by an hour. A map that was only overtaken is neither taken nor refused."""
     with fed({}) as node:
-        for stamp in (node.now(), before(node.now(), 0, 1)):
-            node.give("heightmap", heightmap_message(LEVEL, resolution=0.5, stamp=stamp))
+        start = seconds(node.now())
+        for stamp in (start, start - 0.1):
+            node.give("heightmap", heightmap_message(LEVEL, resolution=0.5, stamp=stamp_of(stamp)))
         assert not node.node.refusals.counts and node.node.session.overtaken.total() == 1
         node.world.spawn("box", Box(0.4, 0.4, 0.3), 1.0, BodyState((5.0, 5.0, 0.3)))
         node.run(240)
         place = node.world.state("box").position
         assert place[2] < 0.152
-        back = before(node.now(), 3600)
-        message = heightmap_message(LEVEL, resolution=0.5, stamp=back)
+        message = heightmap_message(LEVEL, resolution=0.5, stamp=stamp_of(start - 3600.0))
         node.require_refused("heightmap", [("stamp_backwards", message)])
         assert node.call("reset_terrain_clock", Trigger.Request()).success
         for number in range(1, 4):
-            message.header.stamp = before(back, 0, -number)
+            message.header.stamp = stamp_of(start - 3600.0 + 0.1 * number)
             node.give("heightmap", message)
             assert node.world.terrain.tiles[""].version == 1 + number
         assert node.world.state("box").position == pytest.approx(place, abs=0.002)
@@ -193,8 +173,8 @@ def test_ground_has_its_velocity_however_late_its_maps_are(
 ) -> None:
     """Maps of ground that rises arrive in order, ``late`` [s] after their stamps, give or take some ``jitter``, which
     are of this node's clock or of one that is ``behind`` [s]."""
-    seconds = late + 6.0 + 60.0 * jitter
-    sent = 1000.0 + np.arange(0.0, seconds, 1.0 / rate)
+    span = late + 6.0 + 60.0 * jitter
+    sent = 1000.0 + np.arange(0.0, span, 1.0 / rate)
     delays = late + jitter * np.random.default_rng(1).uniform(-1.0, 1.0, len(sent))
     coming = deque(zip(np.maximum.accumulate(sent + delays), sent, strict=True))
     with fed({"terrain.motion": mode}) as node:
@@ -209,7 +189,7 @@ def test_ground_has_its_velocity_however_late_its_maps_are(
         def velocity() -> float:
             return float(node.world.terrain.at(np.full((1, 2), 5.0), node.world.time).velocities[0])
 
-        found = np.array(node.play(now, seconds, 0.0, rise, velocity)[-720:])
+        found = np.array(node.play(now, span, 0.0, rise, velocity)[-720:])
         near = np.abs(found - SPEED) < (0.2 if jitter else 0.02) * SPEED
         assert near.mean() > 0.98
         assert found.min() > 0.0 and found.max() < 2.0 * SPEED

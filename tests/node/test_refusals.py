@@ -3,7 +3,6 @@
 import math
 import struct
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from smartmesh_ros.node import session
 from smartmesh_ros.node.inputs import cdr_reader, terrain_inputs
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.replay.replay import Replay
-from smartmesh_ros.tools.testing import assert_cannot_start, floats, heightmap_message, layer_message, pose_message
+from smartmesh_ros.tools.testing import floats, heightmap_message, layer_message, pose_message
 from tests.node.shared import BALL, Fed, Logged, fed, stamped
 
 GOOD = np.random.default_rng(1).normal(size=(40, 30)) * 0.2
@@ -125,16 +124,6 @@ def test_every_bad_message_is_refused_counted_and_changes_nothing(logged: Logged
         np.testing.assert_allclose(node.heights(columns, rows), GOOD + 1.0, atol=1e-6)
 
 
-# What else a world refuses: tests/world/test_world.py.
-BAD_SPAWNS: list[tuple[str, dict[str, Any]]] = [
-    ("already", {"id": "ball"}),
-    ("length 1", {"pose": changed(pose_message((0, 0, 0)), orientation__w=0.0)}),
-    ("SPHERE needs 1", {"shape": SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2, 0.2])}),
-    ("not supported", {"shape": SolidPrimitive(type=SolidPrimitive.CONE, dimensions=[0.2, 0.2])}),
-    ("beside the map", {"pose": pose_message((500, 0, 0)), "on_ground": True}),
-]
-
-
 @pytest.mark.parametrize("changes", ["motion", "correction"])
 def test_moving_ground_goes_on_though_a_map_of_another_clock_is_refused(now: list[float], changes: str) -> None:
     with fed({"terrain.changes": changes, "terrain.settle": 5.0}) as node:
@@ -154,11 +143,19 @@ def test_moving_ground_goes_on_though_a_map_of_another_clock_is_refused(now: lis
 
 
 def test_bad_spawns_are_answered_with_what_is_wrong() -> None:
+    """What else a world refuses: tests/world/test_world.py."""
     with Replay([("heightmap", 0.0, heightmap_message(GOOD))]) as run:
         run.run()
         usual = {"id": "new", "shape": BALL, "mass": 1.0, "pose": pose_message((0, 0, 1))}
         assert run.call("spawn_body", SpawnBody.Request(**usual | {"id": "ball"})).success
-        for words, fields in BAD_SPAWNS:
+        bad: list[tuple[str, dict[str, Any]]] = [
+            ("already", {"id": "ball"}),
+            ("length 1", {"pose": changed(pose_message((0, 0, 0)), orientation__w=0.0)}),
+            ("SPHERE needs 1", {"shape": SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2, 0.2])}),
+            ("not supported", {"shape": SolidPrimitive(type=SolidPrimitive.CONE, dimensions=[0.2, 0.2])}),
+            ("beside the map", {"pose": pose_message((500, 0, 0)), "on_ground": True}),
+        ]
+        for words, fields in bad:
             answer = run.call("spawn_body", SpawnBody.Request(**usual | fields))
             assert not answer.success
             assert words in answer.message
@@ -196,11 +193,3 @@ def test_sizes_are_capped(monkeypatch: pytest.MonkeyPatch) -> None:
         assert run.refused["body_poses: size"] == 2
         assert run.call("remove_body", RemoveBody.Request(id="a")).success
         assert answer("d") == ""
-
-
-def test_security_that_is_not_to_be_had_stops_the_start(tmp_path: Path) -> None:
-    """No node runs in the clear where security was asked for. The wheels' Fast DDS is built without it."""
-    (tmp_path / "enclaves").mkdir()
-    asked = {"ENABLE": "true", "STRATEGY": "Enforce", "KEYSTORE": str(tmp_path)}
-    environment = {f"ROS_SECURITY_{name}": value for name, value in asked.items()}
-    assert_cannot_start({}, "ROS_SECURITY_ENABLE", environment=environment)

@@ -23,37 +23,27 @@ from smartmesh_ros import BodyState
 from smartmesh_ros.node.services.files import allowed_folders
 from smartmesh_ros.tools.testing import Probe, pose_message
 from tests.node.shared import BALL, LATCHED, Logged, body_names, box, fed, on_level, refusals, show_level_ground, spawn
-from tests.urdfs import ROVER, joint, link, robot
+from tests.urdfs import ROVER, joint, link, mesh, robot
 
 SHARED = {"bodies.urdf_folders": [tempfile.gettempdir()]}
-REFUSED = {
-    "two roots": (robot(link("a"), link("b")), "2 links have no parent"),
-    "a mesh of another kind": (robot(link("a", '<mesh filename="{folder}/part.glb"/>')), "part.glb"),
-    "a package that is not there": (
-        robot(link("a", '<mesh filename="package://no_such_pkg/m.stl"/>')), "'no_such_pkg' is not installed",
-    ),
-}  # fmt: skip
 
 
-def test_a_refused_robot_changes_nothing_whichever_way_it_comes(probe: Probe, tmp_path: Path) -> None:
-    """The robot of the topic, which was latched before there was a node, stays; the refused name is free."""
-    (tmp_path / "part.glb").write_bytes(b"glTF")
-    parameters = {"bodies.urdf_folders": [str(tmp_path)], "robot.start": ["{id: good, xy: [0, 0], above: 0.5}"]}
+def test_a_refused_robot_changes_nothing_whichever_way_it_comes(probe: Probe) -> None:
+    """The robot of the topic, which was latched before there was a node, stays; the refused name is free. What else is
+    refused: tests/world/test_robot_descriptions.py and test_robot_meshes.py."""
+    urdf = robot(link("a", mesh("package://no_such_pkg/m.stl")))
     topic = probe.node.create_publisher(String, probe.topic("robot_description"), LATCHED)
     topic.publish(String(data=robot(link("base"))))
-    with probe.running(parameters=parameters):
+    with probe.running(parameters={"robot.start": ["{id: good, xy: [0, 0], above: 0.5}"]}):
         show_level_ground(probe)
         probe.wait_for(lambda: body_names(probe) == ["good"])
-        for kind, (text, words) in REFUSED.items():
-            urdf = text.replace("{folder}", str(tmp_path))
-            answer = probe.call("spawn_body", SpawnBody, id="bad", urdf=urdf)
-            assert not answer.success and words in answer.message, kind
-            both = [BodySpecification(id="ball", mass=1.0, shape=BALL), BodySpecification(id="bad", urdf=urdf)]
-            batch = probe.call("spawn_bodies", SpawnBodies, bodies=both)
-            assert [failure.id for failure in batch.failures] == ["bad"], kind
-            seen = refusals(probe)
-            topic.publish(String(data=urdf))
-            probe.wait_for(lambda seen=seen: refusals(probe) > seen)
+        answer = probe.call("spawn_body", SpawnBody, id="bad", urdf=urdf)
+        assert not answer.success and "'no_such_pkg' is not installed" in answer.message
+        both = [BodySpecification(id="ball", mass=1.0, shape=BALL), BodySpecification(id="bad", urdf=urdf)]
+        batch = probe.call("spawn_bodies", SpawnBodies, bodies=both)
+        assert [failure.id for failure in batch.failures] == ["bad"]
+        topic.publish(String(data=urdf))
+        probe.wait_for(lambda: refusals(probe)["robot_description: urdf_package"])
         spawn(probe, "bad")
         probe.wait_for(lambda: body_names(probe) == ["good", "bad"])
 
@@ -88,7 +78,7 @@ def test_the_packages_of_a_file_are_found_as_those_of_a_text(tmp_path: Path, mon
     (index / "my_robot").touch()
     part = share / "my_robot/my meshes/part.obj"
     part.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n")
-    text = robot(link("a", '<mesh filename="package://my_robot/my%20meshes/part.obj"/>'))
+    text = robot(link("a", mesh("package://my_robot/my%20meshes/part.obj")))
     seen = '<visual><geometry><mesh filename="package://no_such_pkg/x.dae"/></geometry></visual><collision>'
     file = tmp_path / "my robot.urdf"
     file.write_text(text.replace("<collision>", seen))
@@ -120,7 +110,7 @@ def test_the_physics_steps_while_a_robot_is_prepared_and_put_onto_the_ground(sha
     lines = [f"v {x} {y} {z}" for x, y, z in points] + [f"f {k} {k + 1} {k + 2}" for k in range(1, 5998, 3)]
     for number in range(3):  # distinct meshes, each of which is read
         (tmp_path / f"hull_{number}.obj").write_text("\n".join([*lines, f"v 0 0 {0.3 + 0.1 * number}", "f 1 2 6001"]))
-    links = [link(f"l{k}", f'<mesh filename="{tmp_path}/hull_{k}.obj"/>') for k in range(3)]
+    links = [link(f"l{k}", mesh(tmp_path / f"hull_{k}.obj")) for k in range(3)]
     joints = [joint(f"j{k}", "fixed", "l0", f"l{k}") for k in (1, 2)]
     before = len(states := shared.received[shared.topic("body_states")])
     spawn(shared, "robot", (5.0, 5.0, 0.0), urdf=robot(*links, *joints), on_ground=True)
@@ -173,12 +163,13 @@ def test_whoever_listens_late_hears_of_no_body_that_is_gone(shared: Probe) -> No
 
 
 def test_folders_that_do_not_exist_are_named(tmp_path: Path, logged: Logged) -> None:
-    """At the start, and when they are set; one that is made later counts from then on, and ``~`` is one's home."""
+    """At the start, and when they are set; one that is made later counts from then on, and ``~`` is one's home. That of
+    a user who is not there is one that is not there."""
     gone = str(tmp_path / "gone")
-    with fed({"bodies.urdf_folders": [gone, "~"]}) as node:
+    with fed({"bodies.urdf_folders": [gone, "~", "~nobody_here/robots"]}) as node:
         said = logged()
-        assert f"no folder {gone};" in said and said.count("there is no folder") == 1
-        assert not node.set("bodies.urdf_folders", [str(tmp_path), f"{gone}er"])
+        assert f"no folder {gone};" in said and said.count("there is no folder") == 2
+        assert not node.set("bodies.urdf_folders", [str(tmp_path), f"{gone}er", "~nobody_here"])
         said = logged()
-        assert f"no folder {gone}er;" in said and said.count("there is no folder") == 1
+        assert f"no folder {gone}er;" in said and said.count("there is no folder") == 2
         assert allowed_folders(replace(node.node.settings, urdf_folders=("~/robots",))) == (Path.home() / "robots",)

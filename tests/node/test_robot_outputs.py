@@ -21,8 +21,7 @@ from smartmesh_ros.node.inputs.conversions import RobotNames, joint_commands_fro
 from smartmesh_ros.node.inputs.frames import FrameBuffer
 from smartmesh_ros.tools.testing import Probe
 from smartmesh_ros.world.joints import JointCommand
-from tests.node.shared import LATCHED, changed, on_level, show_level_ground, transform_message
-from tests.node.shared import spawn as spawn_body
+from tests.node.shared import LATCHED, changed, on_level, show_level_ground, spawn, transform_message
 from tests.urdfs import joint, link, robot
 
 SHARED = {"frame_id": "map", "publish.tf": 50.0}
@@ -36,10 +35,6 @@ STIFF = {
     "without_mass": link("base", BOX, 0.0, 0.0),
     "held": link("world", "", None) + BASE + joint("j", "fixed", "world", "base", xyz="0 0 1"),
 }
-
-
-def spawn(probe: Probe, name: str, links: str, x: float = 2.0, **more: Any) -> None:
-    spawn_body(probe, name, (x, 2.0, 0.1), urdf=robot(links), **more)
 
 
 def test_robots_that_cannot_move_their_links_are_published() -> None:
@@ -220,7 +215,7 @@ def test_frames_of_others_are_left_to_them(shared: Probe) -> None:
     """Of a robot_state_publisher, of a localisation, and above the map."""
     show_level_ground(shared)
     links = ARM.replace('"base"', '"trunk"').replace('"arm"', '"limb"').replace('"slider"', '"hand"')
-    spawn(shared, "one", links, 0.7)
+    spawn(shared, "one", (0.7, 2.0, 0.1), urdf=robot(links))
     shared.wait_for(lambda: {"trunk", "limb", "hand", "one"} <= parents(shared).keys())
     publisher = shared.node.create_publisher(TFMessage, TF, 10)
     latched = shared.node.create_publisher(TFMessage, "/tf_static", LATCHED)
@@ -232,15 +227,15 @@ def test_frames_of_others_are_left_to_them(shared: Probe) -> None:
     shared.wait_for(lambda: parents(shared) == {"hand": "limb", "one": "trunk"})
     # A body that is called as a frame above the terrain's would make a loop of the tree.
     for name in ("earth", "map"):
-        spawn_body(shared, name)
-    spawn_body(shared, "ball")
+        spawn(shared, name)
+    spawn(shared, "ball")
     shared.wait_for(lambda: parents(shared) == {"hand": "limb", "one": "trunk", "ball": "map"})
     shared.wait_for(lambda: parents(shared).get("trunk") == "map")  # nobody publishes it any more
 
 
 def test_without_a_rate_there_is_no_publisher_of_frames(shared: Probe) -> None:
     show_level_ground(shared)
-    spawn(shared, "stiff", STIFF["one_link"])
+    spawn(shared, "stiff", (2.0, 2.0, 0.1), urdf=robot(STIFF["one_link"]))
     shared.wait_for(lambda: "stiff" in parents(shared))
     with changed(shared, {"publish.tf": 0.0}):
         shared.wait_for(lambda: NAME not in {peer.node_name for peer in shared.node.get_publishers_info_by_topic(TF)})

@@ -18,8 +18,8 @@ from smartmesh_ros.scenes.tracks import robot_file
 from smartmesh_ros.tools.testing import heightmap_message, pose_message
 from tests.bodies import about_z
 from tests.node.shared import Fed, Logged, fed, on_level
+from tests.urdfs import ROVER
 
-ROVER = Path(__file__).parent.parent / "data" / "rover.urdf"
 RADIUS = 0.15  # of the wheels [m]
 WEIGHT = 14.0 * 9.81  # of the rover [N]
 WHEELS = ["front_left", "front_right", "rear_left", "rear_right"]
@@ -29,7 +29,7 @@ LASTING = {"bodies.command_timeout": 0.0}
 
 def test_the_ground_carries_the_weight_where_the_centre_of_mass_is() -> None:
     with on_level(LASTING, keep=["contact_wrenches"]) as run:
-        run.world.spawn_robot("rover", ROVER.read_text(), BodyState((4.0, 4.0, 0.3), about_z(YAW)))
+        run.world.spawn_robot("rover", ROVER, BodyState((4.0, 4.0, 0.3), about_z(YAW)))
         run.run(2.0)
         message = run.received("contact_wrenches")[-1]
         assert message.header.frame_id == "map"
@@ -57,7 +57,7 @@ def test_the_twist_of_odometry_is_in_the_frame_of_the_turned_base() -> None:
     """Its linear part is that of the base's frame, which is not where the centre of mass is."""
     twist = Twist(linear=Vector3(x=1.0), angular=Vector3(z=0.5))
     pose = pose_message((1.0, 2.0, 3.0), 0.5 * math.pi)  # faces +y
-    asked = SpawnBody.Request(id="rover", urdf=ROVER.read_text(), pose=pose, twist=twist)
+    asked = SpawnBody.Request(id="rover", urdf=Path(ROVER).read_text(), pose=pose, twist=twist)
     with on_level(None, ("pause", 0.0, SetBool.Request(data=True)), keep=["odometry"]) as run:
         run.run(0.1)
         assert run.call("spawn_body", asked).success
@@ -87,7 +87,7 @@ def driven(urdf: str, names: list[str], **parameters: float) -> Iterator[tuple[F
 
 
 def test_bad_commands_are_refused_whole_and_the_last_good_one_goes_on(logged: Logged) -> None:
-    with driven(ROVER.read_text(), WHEELS, **LASTING) as (node, refuse):
+    with driven(ROVER, WHEELS, **LASTING) as (node, refuse):
         node.give("joint_commands", JointState(name=WHEELS, velocity=[4.0] * 4))
         refuse(
             ("unknown_joint", {"name": [*WHEELS[:3], "flux"], "velocity": [0.0] * 4}),
@@ -110,7 +110,7 @@ def test_bad_commands_are_refused_whole_and_the_last_good_one_goes_on(logged: Lo
 def test_tracks_are_driven_by_joint_commands_under_their_names() -> None:
     """Before and after a reset; joint states, which tell only of joints, do not tell of them."""
     tracks = ["left_track", "right_track"]
-    with driven(robot_file().read_text(), tracks, **LASTING) as (node, refuse):
+    with driven(str(robot_file()), tracks, **LASTING) as (node, refuse):
         node.give("joint_commands", JointState(name=tracks, velocity=[0.3, 0.5]))
         refuse(
             ("unknown_joint", {"name": ["left_track", "middle_track"], "velocity": [1.0, 1.0]}),
@@ -131,7 +131,7 @@ def test_tracks_are_driven_by_joint_commands_under_their_names() -> None:
 def test_wheels_stop_when_their_publisher_dies(logged: Logged) -> None:
     """By default half a second of simulated time after the last velocity. Positions and renewals:
     tests/world/test_joint_dynamics.py."""
-    with driven(ROVER.read_text(), WHEELS) as (node, _):
+    with driven(ROVER, WHEELS) as (node, _):
         node.give("joint_commands", JointState(name=WHEELS, velocity=[4.0] * 4), steps=110)
         for speed in (4.0, 0.0):
             found = [joint.velocity for joint in node.world.joints("robot")]

@@ -1,4 +1,4 @@
-"""Worlds of the standard services of simulation_interfaces, over real DDS and in this process."""
+"""Worlds of the standard services of simulation_interfaces."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,24 +12,23 @@ import yaml
 from geometry_msgs.msg import Twist, Vector3
 from simulation_interfaces import msg, srv
 from simulation_interfaces.msg import Resource, Result, SimulationState, TagsFilter
-from smartmesh_msgs.srv import QueryGround, StartEpisode
 
 from smartmesh_ros.node.services import simulation_services
 from smartmesh_ros.tools.replay.replay import Replay
-from smartmesh_ros.tools.testing import Probe, heightmap_message
-from tests.node.shared import changed, fed
+from smartmesh_ros.tools.testing import heightmap_message
+from tests.node.shared import fed
 from tests.node.test_simulation_services import OK, ROVER, ask, done, entities, placed, pose_of, set_state, state
 from tests.urdfs import link, mesh, robot
 
-SHARED = {"simulation_interfaces": True, "frame_id": "map", "raster.resolution": 0.25}
 L = srv.LoadWorld.Response
 BALL = "{id: ball, shape: sphere, size: [0.2], mass: 1.0, xy: [2.0, 1.0], above: 0.5}"
 SLOPE = 0.1 * np.arange(20.0)[None, :] + np.zeros((20, 1))  # 0.1 m more in each column
+GROUND = heightmap_message(np.zeros((50, 50)))
 
 
 @pytest.fixture
-def worlds(shared: Probe, tmp_path: Path) -> Iterator[Path]:
-    """A folder of worlds in which the shared node may read: a slope, and the same with a ball and a robot."""
+def worlds(tmp_path: Path) -> Path:
+    """A folder of worlds: a slope, and the same with a ball and a robot."""
     folder = tmp_path / "worlds"
     folder.mkdir()
     np.save(folder / "slope.npy", SLOPE)
@@ -38,62 +37,92 @@ def worlds(shared: Probe, tmp_path: Path) -> Iterator[Path]:
     parameters = {"terrain.file": "slope.npy", "raster": {"resolution": 0.5}, "bodies.spawn": [BALL, rover]}
     scene(folder / "scene.yaml", **parameters, **{"physics.rate": 120.0})
     (folder / "other.yaml").write_text("{a: [1, 2]}")
-    with changed(shared, {"bodies.urdf_folders": [str(folder)]}):
-        yield folder
+    return folder
 
 
 def scene(path: Path, **parameters: Any) -> None:
     path.write_text(yaml.safe_dump({"/**": {"ros__parameters": parameters}}))
 
 
-def height(probe: Probe, x: float) -> float:
+@contextmanager
+def run_with(folder: Path, *, without: tuple[str, ...] = (), later: tuple[str, ...] = ()) -> Iterator[Replay]:
+    """A collider that may read in a folder, with definitions other than those of Jazzy (1.5): ``without`` those whose
+    names contain one of some words, and with those of 2.1 for ``later`` names, which the tests' package has as Name2.
+    Its first map is yet to come."""
+    found = {}
+    for kind, module in (("msg", msg), ("srv", srv)):
+        names = {name: made for name, made in vars(module).items() if not any(word in name for word in without)}
+        names |= {name: names[f"{name}2"] for name in later if f"{name}2" in names}
+        found[kind] = SimpleNamespace(**names)
+    parameters = {
+        "simulation_interfaces": True, "frame_id": "map", "raster.resolution": 0.25,
+        "bodies.urdf_folders": [str(folder)],
+    }  # fmt: skip
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(simulation_services, "find_interfaces", lambda _, kind: found.get(kind))
+        with Replay([("heightmap", 0.0, GROUND)], parameters) as run:
+            yield run
+
+
+@pytest.fixture
+def run(worlds: Path) -> Iterator[Replay]:
+    with run_with(worlds) as made:
+        yield made
+
+
+def begin(run: Replay, service: str, **fields: Any) -> list[Any]:
+    """Calls a service; returns a list that gets its response."""
+    served = run.node.services[run.names.full(service)]
+    return served.call(served.kind.Request(**fields))
+
+
+def height(run: Replay, x: float) -> float:
     """Height of the ground at (x, 1) [m]."""
-    set_state(probe, SimulationState.STATE_PLAYING)
-    answer = probe.call("query_ground", QueryGround, x=[x], y=[1.0])
+    answer = ask(run, "query_ground", x=[x], y=[1.0])
     assert answer.success, answer.message
     return float(answer.z[0])
 
 
-def test_a_world_takes_the_place_of_another(shared: Probe, worlds: Path) -> None:
+def test_a_world_takes_the_place_of_another(run: Replay, worlds: Path) -> None:
     s, none = SimulationState, srv.GetCurrentWorld.Response.NO_WORLD_LOADED
-    assert ask(shared, "get_current_world").result.result == none
-    assert ask(shared, "unload_world").result.result == none
-    shared.publish_map(np.zeros((9, 9)))
-    shared.wait_for(lambda: ask(shared, "get_current_world").world.name == "topics")
-    available = done(shared, "get_available_worlds").worlds
+    assert ask(run, "get_current_world").result.result == none
+    assert ask(run, "unload_world").result.result == none
+    run.run(0.0)
+    assert ask(run, "get_current_world").world.name == "topics"
+    available = done(run, "get_available_worlds").worlds
     assert [world.name for world in available] == ["scene", "slope"]
-    done(shared, "spawn_entity", uri=str(worlds / "rover.urdf"), name="old", initial_pose=placed(1.0, 1.0, 1.0))
+    done(run, "spawn_entity", uri=str(worlds / "rover.urdf"), name="old", initial_pose=placed(1.0, 1.0, 1.0))
 
-    answer = done(shared, "load_world", uri=available[0].world_resource.uri)
-    assert (answer.world.name, answer.result.error_message, state(shared)) == ("scene", "", s.STATE_STOPPED)
-    assert ask(shared, "get_current_world").world == answer.world
-    assert set(entities(shared)) == {"ball", "rover"}
-    assert pose_of(shared, "ball") == pytest.approx((2.0, 1.0, 0.4 + 0.5), abs=1e-6), "cells of 0.5 m, by its file"
-    starts = {pose.name: pose.pose.position for pose in ask(shared, "get_named_poses").poses}
+    answer = done(run, "load_world", uri=available[0].world_resource.uri)
+    assert (answer.world.name, answer.result.error_message, state(run)) == ("scene", "", s.STATE_STOPPED)
+    assert ask(run, "get_current_world").world == answer.world
+    assert set(entities(run)) == {"ball", "rover"}
+    assert pose_of(run, "ball") == pytest.approx((2.0, 1.0, 0.4 + 0.5), abs=1e-6), "cells of 0.5 m, by its file"
+    starts = {pose.name: pose.pose.position for pose in ask(run, "get_named_poses").poses}
     assert starts.keys() == {"ball", "rover"}
-    assert (starts["rover"].x, starts["rover"].y, starts["rover"].z) == pytest.approx(pose_of(shared, "rover"))
-    assert ask(shared, "get_named_poses", tags=TagsFilter(tags=["parking"])).poses == []
-    assert height(shared, 4.0) == pytest.approx(0.8, abs=1e-6)
+    assert (starts["rover"].x, starts["rover"].y, starts["rover"].z) == pytest.approx(pose_of(run, "rover"))
+    assert ask(run, "get_named_poses", tags=TagsFilter(tags=["parking"])).poses == []
+    assert height(run, 4.0) == pytest.approx(0.8, abs=1e-6)
 
-    assert ask(shared, "load_world", uri=f"file://{worlds}/slope.npy").world.name == "slope"
-    assert (entities(shared), state(shared)) == ([], s.STATE_STOPPED)
-    assert height(shared, 4.0) == pytest.approx(1.6, abs=1e-6), "cells of 0.25 m, by the parameter"
-    assert shared.call("start_episode", StartEpisode, seed=1).success
-    assert height(shared, 4.0) == pytest.approx(1.6, abs=1e-6), "an episode begins with the new world"
+    assert ask(run, "load_world", uri=f"file://{worlds}/slope.npy").world.name == "slope"
+    assert (entities(run), state(run)) == ([], s.STATE_STOPPED)
+    assert height(run, 4.0) == pytest.approx(1.6, abs=1e-6), "cells of 0.25 m, by the parameter"
+    assert ask(run, "start_episode", seed=1).success
+    assert height(run, 4.0) == pytest.approx(1.6, abs=1e-6), "an episode begins with the new world"
 
-    done(shared, "unload_world")
-    assert ask(shared, "get_current_world").result.result == none
-    assert state(shared) == s.STATE_NO_WORLD
+    done(run, "unload_world")
+    assert ask(run, "get_current_world").result.result == none
+    assert state(run) == s.STATE_NO_WORLD
     r = srv.SetSimulationState.Response
-    assert set_state(shared, s.STATE_PLAYING) == r.INCORRECT_TRANSITION
-    assert set_state(shared, s.STATE_NO_WORLD) == r.ALREADY_IN_TARGET_STATE
-    assert ask(shared, "step_simulation", steps=1).result.result == Result.RESULT_OPERATION_FAILED
-    shared.publish_map(np.zeros((9, 9)))
-    shared.wait_for(lambda: state(shared) == s.STATE_STOPPED)
-    assert set_state(shared, s.STATE_PLAYING) == OK
+    assert set_state(run, s.STATE_PLAYING) == r.INCORRECT_TRANSITION
+    assert set_state(run, s.STATE_NO_WORLD) == r.ALREADY_IN_TARGET_STATE
+    assert ask(run, "step_simulation", steps=1).result.result == Result.RESULT_OPERATION_FAILED
+    run.give("heightmap", GROUND)
+    assert state(run) == s.STATE_STOPPED
+    assert set_state(run, s.STATE_PLAYING) == OK
 
 
-def test_a_world_that_is_refused_changes_nothing(shared: Probe, worlds: Path) -> None:
+def test_a_world_that_is_refused_changes_nothing(run: Replay, worlds: Path) -> None:
     scene(worlds / "no_terrain.yaml", **{"terrain.file": "no_such.npy", "bodies.spawn": [BALL]})
     scene(worlds / "no_mesh.yaml", **{"bodies.spawn": ["{id: a, urdf: bad.urdf, xyz: [0, 0, 1]}", BALL]})
     (worlds / "bad.urdf").write_text("<robot")
@@ -103,8 +132,8 @@ def test_a_world_that_is_refused_changes_nothing(shared: Probe, worlds: Path) ->
     bomb = "".join(f"  a{k}: &a{k} {{l: *a{k - 1}, r: *a{k - 1}}}\n" for k in range(1, 40))
     (worlds / "alias.yaml").write_text(f"ros__parameters:\n  a0: &a0 {{x: 1}}\n{bomb}")
     (worlds / "flat.npy").write_bytes((worlds / "slope.npy").read_bytes()[:-8])
-    done(shared, "load_world", uri=str(worlds / "scene.yaml"))
-    before = ask(shared, "get_current_world").world
+    done(run, "load_world", uri=str(worlds / "scene.yaml"))
+    before = ask(run, "get_current_world").world
     for code, fields in (
         (L.NO_RESOURCE, {}),
         *((L.UNSUPPORTED_FORMAT, {"uri": path}) for path in (f"{worlds}/rover.urdf", "/nowhere/world.sdf")),
@@ -121,28 +150,29 @@ def test_a_world_that_is_refused_changes_nothing(shared: Probe, worlds: Path) ->
         (L.UNSUPPORTED_ELEMENTS, {"uri": f"{worlds}/scene.yaml", "fail_on_unsupported_element": True}),
         *((L.RESOURCE_PARSE_ERROR, {"resource_string": text}) for text in ("{", "<sdf/>", "[" * 5000)),
     ):
-        result = ask(shared, "load_world", **fields).result
+        result = ask(run, "load_world", **fields).result
         assert (result.result, bool(result.error_message)) == (code, True), (fields, result.error_message)
-    assert ask(shared, "get_current_world").world == before
-    assert set(entities(shared)) == {"ball", "rover"}
-    assert height(shared, 4.0) == pytest.approx(0.8, abs=1e-6)
+    assert ask(run, "get_current_world").world == before
+    assert set(entities(run)) == {"ball", "rover"}
+    assert height(run, 4.0) == pytest.approx(0.8, abs=1e-6)
 
     text = (worlds / "no_mesh.yaml").read_text().replace("bad.urdf", "package://no_such_pkg/a.urdf")
-    answer = done(shared, "load_world", resource_string=text, ignore_missing_or_unsupported_assets=True)
+    answer = done(run, "load_world", resource_string=text, ignore_missing_or_unsupported_assets=True)
     assert all(words in answer.result.error_message for words in ("no_such_pkg", "ball")), "what is left out, and waits"
     assert answer.world.world_resource.resource_string == text
-    assert entities(shared) == []
-    shared.publish_map(np.zeros((50, 50)))
-    shared.wait_for(lambda: entities(shared) == ["ball"])
+    assert entities(run) == []
+    run.give("heightmap", GROUND)
+    assert entities(run) == ["ball"]
 
 
-def test_what_is_there_is_listed(shared: Probe, worlds: Path) -> None:
-    [rover] = ask(shared, "get_spawnables").spawnables
+def test_what_is_there_is_listed(run: Replay, worlds: Path) -> None:
+    [rover] = ask(run, "get_spawnables").spawnables
     assert (rover.uri, rover.description) == ((worlds / "rover.urdf").as_uri(), "rover")
-    done(shared, "spawn_entity", uri=rover.uri, initial_pose=placed(1.0, 1.0, 1.0))
-    elsewhere = done(shared, "get_spawnables", sources=[str(worlds), "/etc", "http://host"])
+    done(run, "spawn_entity", uri=rover.uri, initial_pose=placed(1.0, 1.0, 1.0))
+    elsewhere = done(run, "get_spawnables", sources=[str(worlds), "/etc", "http://host"])
     assert len(elsewhere.spawnables) == 1
     assert all(source in elsewhere.result.error_message for source in ("/etc", "http://host"))
+    assert "send the text" not in elsewhere.result.error_message, "a folder has none"
     r, gone = srv.GetAvailableWorlds.Response, [str(worlds / "gone"), str(worlds)]
     for code, count, fields in (
         (OK, 2, {"additional_sources": [worlds.as_uri()], "offline_only": True}),
@@ -150,82 +180,52 @@ def test_what_is_there_is_listed(shared: Probe, worlds: Path) -> None:
         (OK, 2, {"additional_sources": ["/etc"], "continue_on_error": True}),
         (Result.RESULT_FEATURE_UNSUPPORTED, 0, {"filter": TagsFilter(tags=["indoor"])}),
     ):
-        answer = ask(shared, "get_available_worlds", **fields)
+        answer = ask(run, "get_available_worlds", **fields)
         assert (answer.result.result, len(answer.worlds)) == (code, count), fields
-    with changed(shared, {"bodies.urdf_folders": gone}):
-        assert ask(shared, "get_available_worlds").result.result == r.DEFAULT_SOURCES_FAILED
-        assert len(ask(shared, "get_available_worlds", continue_on_error=True).worlds) == 2
+    run.set(bodies__urdf_folders=gone)
+    assert ask(run, "get_available_worlds").result.result == r.DEFAULT_SOURCES_FAILED
+    assert len(ask(run, "get_available_worlds", continue_on_error=True).worlds) == 2
 
 
-@contextmanager
-def run_with(folder: Path, *, without: tuple[str, ...] = (), later: tuple[str, ...] = ()) -> Iterator[Replay]:
-    """A collider with definitions other than those of Jazzy (1.5): ``without`` those whose names contain one of some
-    words, and with those of 2.1 for ``later`` names, which the tests' package has as Name2."""
-    found = {}
-    for kind, module in (("msg", msg), ("srv", srv)):
-        names = {name: made for name, made in vars(module).items() if not any(word in name for word in without)}
-        names |= {name: names[f"{name}2"] for name in later if f"{name}2" in names}
-        found[kind] = SimpleNamespace(**names)
-    parameters = {"simulation_interfaces": True, "bodies.urdf_folders": [str(folder)]}
-    ground = [("heightmap", 0.0, heightmap_message(np.zeros((9, 9))))]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulation_services, "find_interfaces", lambda _, kind: found.get(kind))
-        with Replay(ground, parameters) as run:
-            yield run
-
-
-def begin(run: Replay, service: str, **fields: Any) -> list[Any]:
-    """Calls a service; returns a list that gets its response."""
-    served = run.node.services[run.names.full(service)]
-    return served.call(served.kind.Request(**fields))
-
-
-def answer(run: Replay, service: str, **fields: Any) -> Any:
-    """The response of a service."""
-    return run.call(service, run.node.services[run.names.full(service)].kind.Request(**fields))
-
-
-def test_one_world_is_loaded_at_a_time(worlds: Path) -> None:
-    with run_with(worlds) as run:
-        answers = begin(run, "load_world", uri=f"{worlds}/scene.yaml")
-        [now] = begin(run, "get_simulation_state")
-        assert now.state.state == SimulationState.STATE_LOADING_WORLD
-        [refused] = begin(run, "set_simulation_state", state=SimulationState(state=SimulationState.STATE_PLAYING))
-        assert refused.result.result == srv.SetSimulationState.Response.INCORRECT_TRANSITION
-        for service, fields in (("load_world", {"uri": f"{worlds}/slope.npy"}), ("unload_world", {})):
-            [refused] = begin(run, service, **fields)
-            assert refused.result.result == Result.RESULT_INCORRECT_STATE
-        assert not answers
-        assert answer(run, "get_simulation_state").state.state == SimulationState.STATE_LOADING_WORLD
-        assert answers[0].world.name == "scene"
+def test_one_world_is_loaded_at_a_time(run: Replay, worlds: Path) -> None:
+    answers = begin(run, "load_world", uri=f"{worlds}/scene.yaml")
+    [now] = begin(run, "get_simulation_state")
+    assert now.state.state == SimulationState.STATE_LOADING_WORLD
+    [refused] = begin(run, "set_simulation_state", state=SimulationState(state=SimulationState.STATE_PLAYING))
+    assert refused.result.result == srv.SetSimulationState.Response.INCORRECT_TRANSITION
+    for service, fields in (("load_world", {"uri": f"{worlds}/slope.npy"}), ("unload_world", {})):
+        [refused] = begin(run, service, **fields)
+        assert refused.result.result == Result.RESULT_INCORRECT_STATE
+    assert not answers
+    assert ask(run, "get_simulation_state").state.state == SimulationState.STATE_LOADING_WORLD
+    assert answers[0].world.name == "scene"
 
 
 def test_a_robot_on_its_way_onto_the_ground_is_no_part_of_another_scene() -> None:
-    ground = heightmap_message(np.zeros((30, 30)), resolution=0.1)
-    with fed({"bodies.spawn": [f"{{id: rover, urdf: {ROVER}, xy: [1, 1]}}"]}) as run:
-        run.give("heightmap", ground, steps=0)
-        assert any(run.node.initial.waiting.values())
-        run.node.set_scene(None, {})
-        run.give("heightmap", ground, steps=0)
-        while run.node.turn():
+    with fed({"bodies.spawn": [f"{{id: rover, urdf: {ROVER}, xy: [1, 1]}}"]}) as node:
+        node.give("heightmap", GROUND, steps=0)
+        assert any(node.node.initial.waiting.values())
+        node.node.set_scene(None, {})
+        node.give("heightmap", GROUND, steps=0)
+        while node.node.turn():
             pass
-        assert not any(run.node.initial.waiting.values())
-        assert not run.world.bodies
+        assert not any(node.node.initial.waiting.values())
+        assert not node.world.bodies
 
 
 def test_the_definitions_of_2_are_served(worlds: Path) -> None:
     changes = ("SpawnEntity", "SetEntityState", "LoadWorld", "GetSpawnables", "Spawnable")
     with run_with(worlds, later=changes) as run:
-        [spawnable] = answer(run, "get_spawnables").spawnables
+        [spawnable] = ask(run, "get_spawnables").spawnables
         resource = Resource(uri=(worlds / "scene.yaml").as_uri())
-        assert answer(run, "load_world", world_resource=resource).world.world_resource == resource
+        assert ask(run, "load_world", world_resource=resource).world.world_resource == resource
         given = {"entity_resource": spawnable.entity_resource, "initial_pose": placed(1.0, 2.0, 9.0)}
-        assert answer(run, "spawn_entity", name="a", **given).entity_name == "a"
+        assert ask(run, "spawn_entity", name="a", **given).entity_name == "a"
         moved = msg.EntityState(pose=placed(0.0, 0.0, 5.0).pose, twist=Twist(linear=Vector3(x=1.5)))
-        assert answer(run, "set_entity_state", entity="a", state=moved, set_twist=True).result.result == OK
-        found = answer(run, "get_entity_state", entity="a").state
+        assert ask(run, "set_entity_state", entity="a", state=moved, set_twist=True).result.result == OK
+        found = ask(run, "get_entity_state", entity="a").state
         assert (found.pose.position.z, found.twist.linear.x) == pytest.approx((9.0, 1.5), abs=1e-6)
-        features = answer(run, "get_simulator_features").features
+        features = ask(run, "get_simulator_features").features
         assert features.STEP_SIMULATION_ACTION not in features.features, "this package has no action"
         assert features.WORLD_LOADING in features.features
 
@@ -233,7 +233,7 @@ def test_the_definitions_of_2_are_served(worlds: Path) -> None:
 def test_the_definitions_of_1_0_are_served(tmp_path: Path) -> None:
     """They have neither worlds nor SpawnEntities."""
     with run_with(tmp_path, without=("World", "SpawnEntities", "Resource")) as run:
-        features = answer(run, "get_simulator_features").features
+        features = ask(run, "get_simulator_features").features
         assert {features.WORLD_LOADING, features.SPAWNING_ENTITIES} & set(features.features) == set()
         assert features.NAMED_POSES in features.features
-        assert answer(run, "get_named_poses").result.result == OK
+        assert ask(run, "get_named_poses").result.result == OK

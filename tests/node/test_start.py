@@ -10,14 +10,13 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-import yaml
 from rclpy.parameter import Parameter
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet import front
 from smartmesh_ros.node.outputs import diagnostics
 from smartmesh_ros.node.parameters.declaring import checked
-from smartmesh_ros.node.parameters.helping import answer, files_of, mismatch, own_arguments
+from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.node.sensor import terrain_sensor
 from smartmesh_ros.node.terrain_collider import TerrainCollider
@@ -71,73 +70,58 @@ def test_executables_end_quietly_if_nobody_reads_their_output() -> None:
         assert (process.communicate(timeout=TIMEOUT)[1], process.returncode) == ("", 0), process.args
 
 
-@pytest.mark.parametrize(
-    ("names", "fits"),
-    [
-        (["/**"], True),
-        (["robot", "terrain_collider"], True),
-        (["/*/terrain_collider"], True),
-        (["/terrain_collider"], False),
-    ],
-)
-def test_a_parameter_file_is_for_the_nodes_it_names(tmp_path: Path, names: list[str], fits: bool) -> None:
-    content: Any = {"ros__parameters": {"physics.rate": 100.0}}
-    for name in reversed(names):
-        content = {name: content}
-    file = tmp_path / "some.yaml"
-    file.write_text(yaml.safe_dump(content))
-    assert (mismatch(file, "/robot/terrain_collider") is None) == fits
-    assert files_of(["node", "--ros-args", "--params-file", str(file), "-p", "a:=1"]) == [file]
-
-
 def test_parameters_that_have_no_effect_are_warned_about(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, logged: Logged
 ) -> None:
-    """Those of a file for another node, and unknown ones."""
-    file = tmp_path / "other.yaml"
-    file.write_text("/other_node:\n  ros__parameters:\n    physics.rate: 100.0\n")
-    monkeypatch.setattr(sys, "argv", ["terrain_collider", "--ros-args", "--params-file", str(file)])
-    with made_with(TerrainCollider, {"terrain.motoin": "hold"}, ["--params-file", str(file)]):
-        said = logged()
-    unknown, stray = (line for line in said.splitlines() if "[WARN]" in line)
+    """Unknown ones, and those of a file for other nodes alone: files are for those that ROS takes them for."""
+    arguments = ["--ros-args", "-r", "__ns:=/robot"]
+    for number, text in enumerate((
+        "/**: {ros__parameters: {decks: [{deck: ferry, frame: ship}]}}",
+        "/**: {ros__parameters: {physics.rate: 100.0}}",
+        "robot: {terrain_collider: {ros__parameters: {physics.sleep: false}}}",
+        "/*/terrain_collider: {ros__parameters: {terrain.motion: hold}}",
+        "/terrain_collider: {ros__parameters: {physics.rate: 50.0}}",
+    )):  # fmt: skip
+        file = tmp_path / f"{number}.yaml"
+        file.write_text(text)
+        arguments += ["--params-file", str(file)]
+    monkeypatch.setattr(sys, "argv", ["terrain_collider", *arguments])
+    with made_with(TerrainCollider, {"terrain.motoin": "hold"}, arguments[1:]) as node:
+        physics, motion = node.settings.world.physics, node.settings.motion
+        assert (physics.rate, physics.sleep, motion.mode) == (100.0, False, "hold")
+    deck, unknown, stray = (line for line in logged().splitlines() if "[WARN]" in line)
+    entries = "is unknown and has no effect; each entry of 'decks' is a text in quotes: \"{...}\""
+    assert f"parameter 'decks.deck' {entries}" in deck
     assert "parameter 'terrain.motoin' is unknown and has no effect; did you mean 'terrain.motion'?" in unknown
-    assert f"{file} has no effect: it is for /other_node" in stray
-    assert "240 Hz; " in said, "as rcl has it: the default"
+    assert f"{file} has no effect: it is for /terrain_collider, and this node is /robot/terrain_collider" in stray
 
 
 @pytest.mark.parametrize(
-    ("rule", "words"),
+    ("line", "words"),
     [
-        ("-p physics.gravity:=[0.0, down, -9.81]", "of the same type"),
-        ("-p physics.gravity:=[0, 0, -9.81]", "[0.0, 0.0, -9.81]"),
-        ("-p physics.rate:=[240.0", "name:=value"),
-        ("-p physics.rate", "name:=value"),
-        ("--params-file /no/such/file.yaml", "/no/such/file.yaml"),
-        ("--params-file", "path of a YAML file"),
-        ("--log-level loud", "loud"),
-        ("-r a:=:=b", "a:=:=b"),
-        (f"-r {Path.home()}/heightmap:=/maps", "put the remapping into quotes: '~/heightmap:=/maps'"),
-        ("--nonsense", "'--nonsense'"),
+        ("--ros-args -p physics.gravity:=[0.0, down, -9.81]", "of the same type"),
+        ("--ros-args -p physics.gravity:=[0, 0, -9.81]", "[0.0, 0.0, -9.81]"),
+        ("--ros-args -p physics.rate:=[240.0", "name:=value"),
+        ("--ros-args -p physics.rate", "name:=value"),
+        ("--ros-args --params-file /no/such/file.yaml", "/no/such/file.yaml"),
+        ("--ros-args --params-file", "path of a YAML file"),
+        ("--ros-args --log-level loud", "loud"),
+        ("--ros-args -r a:=:=b", "a:=:=b"),
+        (f"--ros-args -r {Path.home()}/heightmap:=/maps", "put the remapping into quotes: '~/heightmap:=/maps'"),
+        ("--ros-args --nonsense", "'--nonsense'"),
+        ("-p physics.rate:=100.0", "'-p'; put --ros-args before it"),
+        ("-x", "try --help"),
     ],
 )
-def test_what_rcl_does_not_read_of_a_command_line_is_refused_with_the_reason(
-    capsys: pytest.CaptureFixture[str], rule: str, words: str
+def test_what_is_no_command_line_is_refused_with_the_reason(
+    capsys: pytest.CaptureFixture[str], line: str, words: str
 ) -> None:
-    option, _, value = rule.partition(" ")
     with pytest.raises(SystemExit) as end:
-        own_arguments(["node", "--ros-args", option, *([value] if value else [])])
+        answer("terrain_collider", None, SPECS, line.split(" ", 2))
     assert end.value.code == 2
     said = capsys.readouterr().err
     assert words in said
     assert not re.search(r"/\S+\.c:|error not set", said), "places in rcl's sources"
-
-
-def test_an_option_of_ros_without_its_mark_is_told_where_it_belongs(capsys: pytest.CaptureFixture[str]) -> None:
-    for arguments, words in ((["-p", "physics.rate:=100.0"], "'-p'; put --ros-args before it"), (["-x"], "try --help")):
-        with pytest.raises(SystemExit) as end:
-            answer("terrain_collider", None, SPECS, arguments)
-        assert end.value.code == 2
-        assert words in capsys.readouterr().err
 
 
 def test_a_parameter_file_that_rcl_does_not_read_is_refused_by_name(tmp_path: Path) -> None:

@@ -13,8 +13,6 @@ from tf2_msgs.msg import TFMessage
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.outputs.cdr import doubles
 from smartmesh_ros.node.sensor.terrain_sensor import SPECS, TerrainSensor, directions_of
-from smartmesh_ros.terrain.surface_query import checked_points, ground_samples
-from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.tools.testing import Probe
 from tests.bodies import rotation
 from tests.node.shared import LATCHED, box, made_with, spawn
@@ -44,7 +42,7 @@ def in_map(probe: Probe, points: np.ndarray) -> np.ndarray:
 
 def errors(points: np.ndarray) -> np.ndarray:
     """Heights of points (n, 3) above the hills [m]."""
-    return np.asarray(points[:, 2] - ground_samples(Terrain(hills()), checked_points(points[:, :2]), 0.0).z)
+    return np.asarray(points[:, 2] - hills().at(points[:, :2], 0.0).heights)
 
 
 def test_a_lidar_on_a_body_sees_the_ground_and_not_its_body(shared: Probe) -> None:

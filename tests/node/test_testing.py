@@ -6,12 +6,15 @@ import signal
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from std_srvs.srv import SetBool
 
-from smartmesh_ros.startup.dds import in_use, isolated, isolated_unless_chosen
+from smartmesh_ros.startup.dds import in_use, isolated, isolated_unless_chosen, require_domain
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, bags, heightmap_message
 from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
 from smartmesh_ros.tools.testing.process import start_command
@@ -116,6 +119,16 @@ def test_a_wait_in_vain_says_why(shared: Probe) -> None:
         assert re.search(words, str(failure.value))
 
 
+def test_a_wait_for_a_misspelt_name_says_which_one_may_be_meant(shared: Probe, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shared, "wait_for", partial(shared.wait_for, timeout=0.5))
+    with pytest.raises(
+        AssertionError, match=r"there is no topic /shared/\S+/contac; did you mean 'contacts'\?; waited"
+    ):
+        shared.latest("contac")
+    with pytest.raises(AssertionError, match=r"no std_srvs/srv/SetBool service \S+/puse; did you mean 'pause'\?"):
+        shared.call("puse", SetBool, data=True)
+
+
 def test_a_probe_listens_in_a_namespace_to_its_own_node(shared: Probe) -> None:
     """And the diagnostics of both have names of their own: an aggregator keeps the last status of each name."""
     with Probe("/robot_2/") as other, other.running():
@@ -162,8 +175,13 @@ def test_folders_that_import_the_fixture_share_a_domain(tmp_path: Path) -> None:
     assert "3 passed" in result.stdout
 
 
-def test_a_user_who_chose_no_domain_gets_a_free_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One that was chosen is kept: test_processes.py."""
+def test_a_domain_is_the_chosen_one_written_as_rcl_reads_it_or_a_free_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    for text, chosen in (("007", 7), ("010", 8), ("0x1f", 31), ("08", None)):
+        monkeypatch.setenv("ROS_DOMAIN_ID", text)
+        with pytest.raises(SystemExit) if chosen is None else nullcontext():
+            require_domain()
+            with isolated_unless_chosen() as number:
+                assert number == chosen
     monkeypatch.delenv("ROS_DOMAIN_ID")
     with isolated_unless_chosen() as number:
         assert os.environ["ROS_DOMAIN_ID"] == str(number) != "0"

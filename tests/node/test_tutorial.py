@@ -12,6 +12,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+import pybullet_data
 import pytest
 import yaml
 from grid_map_msgs.msg import GridMap
@@ -19,6 +20,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState, PointCloud2
 from smartmesh_msgs.srv import QueryGround, SpawnBody
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros.terrain.grid import FloatArray
@@ -108,6 +110,25 @@ def test_the_program_of_the_first_page_drives_the_robot(
             probe.wait_for(lambda: odometry and odometry[-1].twist.twist.linear.x > 0.4)
 
 
+def test_the_posture_of_the_page_lets_a_robot_on_legs_stand_after_a_reset(probe: Probe) -> None:
+    [posture] = [code for code in blocks("docs/robots.md", "python") if "POSTURE" in code]
+    readings, states = probe.listen("joint_states", JointState), probe.listen("odometry", Odometry)
+    legs = {"id": "a1", "urdf": f"{pybullet_data.getDataPath()}/a1/a1.urdf", "on_ground": True}
+    with probe.running("terrain_collider"):
+        probe.publish_map(np.zeros((81, 81)), origin=(-4.0, -4.0, 0.0))
+        assert probe.call("spawn_body", SpawnBody, **legs).success
+        probe.wait_for(lambda: states and states[-1].pose.pose.position.z < 0.2)  # it has fallen
+        with running(posture):
+            knee = readings[-1].name.index("FL_lower_joint")
+
+            def bent() -> bool:
+                return abs(readings[-1].position[knee] + 1.6) < 0.1
+
+            probe.wait_for(bent)
+            assert probe.call("reset", Trigger).success
+            probe.wait_for(lambda: bent() and 0.2 < states[-1].pose.pose.position.z < 0.35)
+
+
 def test_the_readmes_publisher_moves_the_ground(probe: Probe) -> None:
     _, code = blocks("README.md", "python")
     with probe.running("terrain_collider"), running(code):
@@ -115,11 +136,6 @@ def test_the_readmes_publisher_moves_the_ground(probe: Probe) -> None:
         asked = {"x": [0.0], "y": [0.0]}
         probe.wait_for(lambda: abs(probe.call("query_ground", QueryGround, **asked).velocities[2]) > 0.1)
         assert probe.diagnostics("inputs")["message"] == "0 refused so far"
-
-
-def test_the_installed_file_is_that_of_the_tutorial() -> None:
-    file, _ = blocks("docs/elevation_mapping.md", "yaml")
-    assert yaml.safe_load(file) == yaml.safe_load((ROOT / "config" / "elevation_mapping.yaml").read_text())
 
 
 def test_the_tests_of_the_page_on_testing_run_in_a_package_of_ones_own(tmp_path: Path) -> None:
@@ -191,6 +207,7 @@ def cupy_map(x: float, y: float, *, seen: bool = True) -> GridMap:
 def test_an_elevation_map_becomes_patches_under_the_robot(tmp_path: Path) -> None:
     """The map is in ``map``, the odometry in ``odom``, which lies 10 m further along y."""
     file, _ = blocks("docs/elevation_mapping.md", "yaml")
+    assert yaml.safe_load(file) == yaml.safe_load((ROOT / "config/elevation_mapping.yaml").read_text()), "as installed"
     command, *_ = blocks("docs/elevation_mapping.md", "console")
     (tmp_path / "my_robot.yaml").write_text(file)
     with fed({}, arguments_of(command.replace("my_robot.yaml", str(tmp_path / "my_robot.yaml")))) as node:
@@ -198,12 +215,12 @@ def test_an_elevation_map_becomes_patches_under_the_robot(tmp_path: Path) -> Non
             node.give("/elevation_mapping/elevation_map", stamped(node, cupy_map(x, 0.2, seen=seen)), steps=240)
             odometry = Odometry(child_frame_id="base_link")
             odometry.pose.pose = pose_message((x, -9.8, float(ground(x, 0.2)) + 0.3))
-            node.give("/odom", stamped(node, odometry, "odom"))
-            node.give("/tf", TFMessage(transforms=[transform_message(node, "map", "odom", (0.0, 10.0, 0.0))]))
-            node.give("/odom", stamped(node, odometry, "odom"))
             if not seen:
+                node.give("/odom", stamped(node, odometry, "odom"))
                 assert np.isnan(node.heights(x, 0.2))
                 continue
+            node.give("/tf", TFMessage(transforms=[transform_message(node, "map", "odom", (0.0, 10.0, 0.0))]))
+            node.give("/odom", stamped(node, odometry, "odom"))
             patches = node.world.patches().table()
             assert [patches.slots[0]] == [*patches.slots]
             points = patches.points_of(0)

@@ -223,7 +223,7 @@ def test_prints_stay_in_the_map_and_new_ground_is_new_soil() -> None:
 
 @pytest.mark.parametrize("way", ["update", "restore"])
 def test_soil_goes_with_its_map(way: str, caplog: pytest.LogCaptureFixture) -> None:
-    """Whose place another map takes: bodies stand on that one."""
+    """Whose place another map takes: bodies stand on that one, and the soil of a map that is no tile is refused."""
     with with_box() as world:
         world.ground.set_soil(soil := Soil(world.terrain, "lunar"))
         world.step(240)
@@ -238,10 +238,5 @@ def test_soil_goes_with_its_map(way: str, caplog: pytest.LogCaptureFixture) -> N
         assert world.state("box").position[2] == pytest.approx(0.15, abs=1e-3)
         assert soil.map.heights.min() < 0.0
         assert "the map of the soil is no tile any more" in caplog.text
-
-
-def test_soil_of_another_map_is_refused() -> None:
-    with with_box() as world:
         with pytest.raises(InputError, match="no tile"):
-            world.ground.set_soil(Soil(HeightMap(FLAT, resolution=0.04), "lunar"))
-        world.ground.set_soil(Soil(world.terrain, "lunar"))
+            world.ground.set_soil(soil)

@@ -215,9 +215,8 @@ def test_smooth_ground_jumps_at_no_update(
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_the_velocity_of_the_ground_is_the_rate_of_its_height(motion: MotionConfig) -> None:
     """While maps come, are late, and are gone; and a rise is the difference of two heights."""
-    heightmap = HeightMap(ground(0.0), resolution=1.0, time=0.0, motion=motion)
-    for k in range(1, 7):
-        heightmap.replace(ground(0.05 * k + 0.01 * (k % 2)), time=0.05 * k + 0.01 * (k % 2))
+    times = [0.05 * k + 0.01 * (k % 2) for k in range(7)]
+    heightmap = told([ground(time) for time in times], times, motion)
     for time in np.linspace(0.301, 0.7, 80):
         here, there = (heightmap.sample(np.arange(600), float(time + by), 5e-4) for by in (0.0, 5e-4))
         middle = heightmap.sample(np.arange(600), float(time + 2.5e-4)).velocities

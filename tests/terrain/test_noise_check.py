@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -86,13 +87,10 @@ def test_noise_that_was_told_of_is_not_warned_of() -> None:
 
 
 def test_what_is_not_seen_any_more_is_forgotten_after_a_while() -> None:
-    check = check_of(of_mapper(SOON, 10.0, noise=0.005))
-    for number in range(200):
-        check.take(HeightMap(HILLS, geometry=GRID, time=SOON + 0.1 * number), SOON + 0.1 * number)
-    assert check.findings != NO_FINDINGS
-    for number in range(200, 500):
-        check.take(HeightMap(HILLS, geometry=GRID, time=SOON + 0.1 * number), SOON + 0.1 * number)
-    assert check.findings == NO_FINDINGS
+    for count, is_forgotten in ((200, False), (500, True)):
+        still = of_ground(lambda _: HILLS, GRID, (SOON + 0.1 * number for number in range(count)))
+        found = check_of(chain(of_mapper(SOON, 10.0, noise=0.005), still)).findings
+        assert (found == NO_FINDINGS) == is_forgotten
 
 
 def of_scene(scene: Scene) -> Feed:

@@ -224,21 +224,6 @@ def test_episodes_begin_without_commands_and_a_reset_leaves_them_their_time() ->
 
 
 @pytest.mark.parametrize(
-    ("settings", "words"),
-    [
-        ({}, "has wheels"), ({"wheels": ("a",), "tracks": ("b",)}, "has wheels"),
-        ({"wheels": "a"}, "list of different"), ({"wheels": ("a", "a")}, "list of different"),
-        ({"wheels": ("a",), "radius": -1}, "0 to 10000 m"), ({"wheels": ("a",), "linear_limit": 0}, "above zero"),
-        ({"wheels": ("a",), "track": "wide"}, "a number"), ({"wheels": ("a",), "wheelbase": 1.0}, "no wheelbase"),
-        ({"wheels": ("a",), "steering": ("b",), "track": 1.0}, "no track"),
-    ],
-)  # fmt: skip
-def test_settings_that_cannot_be_are_refused(settings: dict[str, object], words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        BaseConfig(**settings)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
     ("name", "config", "words"),
     [
         ("cart", BaseConfig(wheels=("left", "middle")), "no joint 'middle'; it has left, right"),

@@ -221,6 +221,18 @@ def test_meshes_are_taken_from_the_folders_alone(folders: list[Path], tmp_path: 
     assert refused.value.reason == "folder"
 
 
+def test_a_mesh_that_a_text_may_not_have_is_refused_with_what_would_help(folders: list[Path], tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"there, which takes effect at once; allowed now") as outside:
+        checked_urdf(robot(link("a", mesh(tmp_path / "secret.obj"))), folders)
+    assert "send the text" not in str(outside.value), "the text was sent"
+    with pytest.raises(
+        InputError, match=r"'part\.obj' that does not exist; a text has no folder, so name meshes by their"
+    ):
+        checked_urdf(robot(link("a", mesh("part.obj"))), folders)
+    with pytest.raises(InputError, match=r"takes effect at once, or send the text instead of the path; allowed now"):
+        checked_urdf(str(tmp_path / "robot.urdf"), folders)
+
+
 def test_descriptions_outside_the_folders_are_refused_whether_there_or_not(folders: list[Path], tmp_path: Path) -> None:
     (tmp_path / "robot.urdf").write_text(robot(A))
     (folders[0] / "link.urdf").symlink_to(tmp_path / "robot.urdf")

@@ -141,8 +141,6 @@ def test_a_robot_whose_file_lost_a_link_or_joint_is_not_restored(tmp_path: Path,
 
 
 def test_in_a_pybullet_world_of_ones_own(ground: Ground, client: Any) -> None:
-    ground.drive(0, -1, (0.0, 1.0, 0.0), 0.3)
-    assert speed_after(ground, client, 240) == pytest.approx(0.3, rel=0.01)
     ground.drive(0, -1, np.array([0.0, 1.0, 0.0]), np.float32(0.25))  # type: ignore[arg-type]
     assert ground.followers.at(0, -1).belt == Belt((0.0, 1.0, 0.0), 0.25)  # type: ignore[union-attr]
     assert speed_after(ground, client, 240) == pytest.approx(0.25, rel=0.01)

@@ -102,6 +102,7 @@ class DeckInputs:
             elif placed.lost:
                 deck.shift_frame(-placed.lost)
             deck.move(own.position, own.orientation, time=placed.time, velocity=velocity, spin=spin)
+        self._session.deck_times[name] = self._session.clock.steady()
         self._enter(name)
 
     def _enter(self, name: str) -> None:

@@ -16,7 +16,7 @@ from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing, ClockWa
 from smartmesh_ros.node.outputs.rates import Rhythm
 from smartmesh_ros.node.session import Session
 
-# A map older than this is stale [s].
+# A map older than this is stale, and so is the pose of a deck [s].
 STALE = 2.0
 # Most inputs whose stamps are reported.
 MOST_AGES = 32
@@ -116,6 +116,10 @@ class Diagnostics:
         for name, tile in list(tiles.items())[:16]:
             values[f"size of {name!r}"] = tile.description
             values[f"updates of {name!r}"] = tile.version
+        ages = {name: session.clock.steady() - heard for name, heard in sorted(session.deck_times.items())}
+        for name, old in ages.items():
+            values[f"tiles of deck {name!r}"] = len(self._world.terrain.deck(name).tiles)
+            values[f"age of deck {name!r} [s]"] = f"{old:.3f}"
         values["publishers"] = sources
         values["overtaken by a newer one"] = session.overtaken.total()
         values |= {f"overtaken on {topic}": count for topic, count in sorted(session.overtaken.items())}
@@ -124,6 +128,8 @@ class Diagnostics:
         age = session.clock.steady() - session.last_map_time
         values["age [s]"] = f"{age:.3f}"
         text = f"the last map is {age:.1f} s old"
+        if silent := [name for name, old in ages.items() if old > STALE]:
+            return DiagnosticStatus.WARN, f"no pose comes of the decks {listed(silent)}, which rest", values
         # A single map may be static terrain; after several maps, more are expected.
         if age > STALE and not sources and session.maps > 1:
             return DiagnosticStatus.WARN, f"{text}, and nobody publishes maps any more", values

@@ -213,8 +213,14 @@ class ParameterNode(Node):
             self.values[spec.name] = value
         for stray in sorted(given_parameters(self)):
             if not self.has_parameter(stray) and not stray.startswith(QOS):
-                words = f"parameter {stray!r} is unknown and has no effect{suggestion(stray, self._specs)}"
-                self.get_logger().warning(words)
+                hint = self._entries_of(stray) or suggestion(stray, self._specs)
+                self.get_logger().warning(f"parameter {stray!r} is unknown and has no effect{hint}")
+
+    def _entries_of(self, stray: str) -> str:
+        """Return what would be right if an unknown parameter is a field of an entry in a list, "" if not."""
+        name, _, field = stray.rpartition(".")
+        is_list = field and name in self._specs and isinstance(self._specs[name].default, list)
+        return f'; each entry of {name!r} is a text in quotes: "{{...}}"' if is_list else ""
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters like rclpy, each to a value of its type, with refusals that say what would be right."""

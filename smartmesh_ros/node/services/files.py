@@ -65,7 +65,8 @@ def files_in(
     places, wrong = [*folders], []
     for source in sources:
         try:
-            place = require_inside(Path(with_package_paths(source)), allowed_folders(settings), repr(source[:200]))
+            path, folders = Path(with_package_paths(source)), allowed_folders(settings)
+            place = require_inside(path, folders, repr(source[:200]), cure="")
             if not place.is_dir():
                 raise InputError("file", f"there is no folder {source[:200]!r}")
             places.append(place)

@@ -15,9 +15,11 @@ import argparse
 import math
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from time import monotonic
 from typing import Any
+from xml.etree import ElementTree
 
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -33,10 +35,10 @@ from smartmesh_ros.startup.arguments import Parser, number
 from smartmesh_ros.startup.executables import STARTED_BY_NAME
 from smartmesh_ros.tools.client.parameters import parameter_from
 from smartmesh_ros.tools.client.remote import BEST, Remote, following
-from smartmesh_ros.tools.client.robot_text import text_of
 from smartmesh_ros.tools.client.sight import KINDS
 from smartmesh_ros.tools.messages import pose_message
 from smartmesh_ros.tools.replay.bag import class_of
+from smartmesh_ros.world.robots.description import named_file, urdf_text, xml_of
 
 SHAPES = {
     "sphere": (SolidPrimitive.SPHERE, ("RADIUS",)), "box": (SolidPrimitive.BOX, ("X", "Y", "Z")),
@@ -70,6 +72,17 @@ def spawn(remote: Remote, options: argparse.Namespace) -> str:
         fields["shape"] = SolidPrimitive(type=SHAPES[chosen[0]][0], dimensions=getattr(options, chosen[0]))
     fields["pose"] = pose_message((*options.at, options.z or 0.0), options.yaw)
     return remote.call("spawn_body", **fields) or f"{options.name} is there"
+
+
+def text_of(file: Path) -> str:
+    """Return the text of a URDF file for a node that cannot see its folder: meshes are named by their full paths where
+    they are found. Raises `InputError`."""
+    robot = xml_of(urdf_text(str(file)))
+    for mesh in robot.iter("mesh"):
+        if not (name := mesh.get("filename", "")).startswith("package://"):
+            with suppress(InputError):  # the node opens meshes of collision shapes alone, and says which are missing
+                mesh.set("filename", str(named_file(name, file.absolute().parent)))
+    return ElementTree.tostring(robot, encoding="unicode")
 
 
 def show_bodies(remote: Remote, _: argparse.Namespace) -> str:
@@ -108,7 +121,8 @@ def echo(remote: Remote, options: argparse.Namespace) -> str:
     try:
         types = remote.wait_for(lambda: known().get(full), f"topic {full}")
     except InputError as error:
-        raise InputError("timeout", f"{error}{suggestion(full, known())}") from None
+        names = [name.removeprefix(f"{remote.name}/") for name in known()]
+        raise InputError("timeout", f"{error}{suggestion(options.topic, names)}") from None
     came = messages(remote, full, class_of(types[0]))
     while True:
         for message in came[:1] if options.once else came:
@@ -185,11 +199,6 @@ def run(_: Remote, options: argparse.Namespace) -> str:
     raise InputError("arguments", f"put no option before run: smartmesh run {options.executable} ...")
 
 
-def say(service: str, **fields: Any) -> Callable[[Remote, argparse.Namespace], str]:
-    """Return the action that calls a service."""
-    return lambda remote, _: remote.call(service, **fields)
-
-
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     made = Parser("smartmesh", description=__doc__)
@@ -228,9 +237,9 @@ def parser() -> argparse.ArgumentParser:
     params.add_argument("name", nargs="?")
     params.add_argument("value", nargs="?", help="as in YAML")
     command("status", "what the diagnostics say", status)
-    command("pause", "pause the physics", say("pause", data=True))
-    command("resume", "let it run", say("pause", data=False))
-    command("reset", "put bodies back to where they were spawned", say("reset"))
+    command("pause", "pause the physics", lambda remote, _: remote.call("pause", data=True))
+    command("resume", "let it run", lambda remote, _: remote.call("pause", data=False))
+    command("reset", "put bodies back to where they were spawned", lambda remote, _: remote.call("reset"))
     steps = command("step", "run steps of a paused physics", lambda remote, o: remote.call("step", steps=o.count))
     steps.add_argument("count", nargs="?", type=number(int, 1, 100_000), default=1)
     return made

@@ -12,7 +12,7 @@ from smartmesh_ros.tools.client.sight import Pose
 
 
 def drawn_scene(scene: bytes) -> tuple[FloatArray | None, list[Pose]]:
-    """Return the corners (n, 3) [m] of the triangles of ground in a MarkerArray, None = it has none, because the ground
+    """Return the corners (n, 3) [m] of the triangles of ground in a MarkerArray, none if the ground is gone, None = it
     has not changed; and the markers of tracked bodies, which alone are translucent. Raises `InputError` if the bytes
     are malformed.
 
@@ -20,7 +20,7 @@ def drawn_scene(scene: bytes) -> tuple[FloatArray | None, list[Pose]]:
     reader, ground, tracked = CdrReader(scene), None, list[Pose]()
     for _ in range(reader.count(1)):
         _skip_header(reader)
-        reader.text()  # namespace
+        namespace = reader.text()
         _, kind, action = reader.numbers("i", 3)
         x, y, z, qx, qy, qz, qw, *_ = reader.numbers("d", 10)
         *_, alpha = reader.numbers("f", 4)
@@ -34,6 +34,8 @@ def drawn_scene(scene: bytes) -> tuple[FloatArray | None, list[Pose]]:
         reader.sequence("f4", 2)  # uv_coordinates
         reader.text(), reader.text(), reader.text()  # text, mesh_resource, name of the mesh file
         reader.sequence("u1"), reader.skip(1)  # its data, mesh_use_embedded_materials
+        if action == Marker.DELETEALL and namespace.endswith("ground"):
+            ground = np.empty((0, 3))
         if action != Marker.ADD:
             continue
         if kind == Marker.TRIANGLE_LIST:

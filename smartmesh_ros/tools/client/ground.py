@@ -55,8 +55,8 @@ class Ground:
     def draw(self, corners: FloatArray) -> None:
         """Take the ground that the node draws, by the corners (n, 3) [m] of its triangles."""
         if not self.tiles:
-            triangles = np.arange(len(corners)).reshape(-1, 3)
-            self._drawn = {"": TriangleMesh(corners, triangles, motion=STILL)}
+            triangles = np.arange(len(corners) // 3 * 3).reshape(-1, 3)
+            self._drawn = {"": TriangleMesh(corners, triangles, motion=STILL)} if len(triangles) else {}
 
     def take(self, topic: str, data: bytes) -> None:
         """Queue a message of a topic of `MAPS`. A height map replaces what waits for its tile."""

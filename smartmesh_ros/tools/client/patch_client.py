@@ -56,13 +56,12 @@ class PatchClient:
         self.ahead = ahead
         self.received = 0  # number of messages accepted
         self.refused = 0  # number of malformed messages
-        self._context: Context | None = None
         self._executor: SingleThreadedExecutor | None = None
         if node is None:
-            self._context = Context()
-            rclpy.init(context=self._context)
-            node = Node("patch_client", context=self._context)
-            self._executor = SingleThreadedExecutor(context=self._context)
+            context = Context()
+            rclpy.init(context=context)
+            node = Node("patch_client", context=context)
+            self._executor = SingleThreadedExecutor(context=context)
             self._executor.add_node(node)
         self.node = node
         self._lock = Lock()
@@ -88,7 +87,7 @@ class PatchClient:
             return
         self._executor.shutdown()
         self.node.destroy_node()
-        rclpy.shutdown(context=self._context)
+        rclpy.shutdown(context=self.node.context)
 
     def spin_once(self, timeout: float = 0.0) -> bool:
         """Wait up to ``timeout`` [s] for a message and handle all that arrived. Return True if any arrived. Raises

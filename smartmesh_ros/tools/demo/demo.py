@@ -12,13 +12,12 @@ import math
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
 import numpy as np
-import rclpy
 from ament_index_python.packages import get_package_prefix
 from sensor_msgs.msg import JointState
 from shape_msgs.msg import SolidPrimitive
@@ -26,12 +25,11 @@ from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet.command import processes
-from smartmesh_ros.node.running import Stop, init
 from smartmesh_ros.scenes.eight import robot_file
 from smartmesh_ros.startup.arguments import Parser, make_folder, number
-from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
+from smartmesh_ros.startup.dds import isolated_unless_chosen
 from smartmesh_ros.terrain.heightmap import HeightMap
-from smartmesh_ros.tools.client.remote import OUTPUTS, Remote
+from smartmesh_ros.tools.client.remote import OUTPUTS, Remote, following
 from smartmesh_ros.tools.demo.frame import Frame
 from smartmesh_ros.tools.messages import pose_message
 
@@ -43,6 +41,7 @@ SOURCE = {
 COLLIDER = {"publish.patches": 10.0, "publish.body_states": 10.0}
 ROBOT = "husky"
 WHEELS = [f"{ROBOT}/{place}_wheel" for place in ("front_left", "front_right", "rear_left", "rear_right")]
+DRIVE = JointState(name=WHEELS, velocity=[6.0] * len(WHEELS))  # [rad/s]
 SHAPES = (
     SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.25]),
     SolidPrimitive(type=SolidPrimitive.BOX, dimensions=[0.6, 0.4, 0.3]),
@@ -56,7 +55,7 @@ PLACES = [
 # What the demo must receive.
 RECEIVED = (
     "patches", "collider_patches", "body_states", "contacts", "joint_states", "odometry", "timing", "body_descriptions",
-    "diagnostics",
+    "diagnostics", "heightmap",
 )  # fmt: skip
 
 
@@ -98,7 +97,7 @@ class Demo:
 
     def drive(self) -> None:
         """Command the robot's wheels."""
-        self._commands.publish(JointState(name=WHEELS, velocity=[6.0] * len(WHEELS)))
+        self._commands.publish(DRIVE)
 
     def require_nodes(self) -> None:
         """Raise `InputError` if a node has ended."""
@@ -191,35 +190,27 @@ def main(args: list[str] | None = None) -> None:
         sys.exit(f"demo failed: its pictures need {error.name}: pip install {error.name}")
     except InputError as error:
         sys.exit(f"demo failed: {error}")
-    use_large_message_profile()
-    Stop()  # the first signal raises KeyboardInterrupt; later ones leave the processes the time to end
-    try:
-        with isolated_unless_chosen():
-            frames, lost, counts = run(options.seconds)
-        print("drawing a picture and a clip, which takes up to a minute", flush=True)
-        for path in demo_pictures.draw(frames, options.out):
-            print(f"wrote {path}", flush=True)
-    except KeyboardInterrupt:
-        sys.exit("demo was interrupted")
+    with isolated_unless_chosen(), following("/terrain_collider", "demo failed", sys.argv) as (remote, _):
+        try:
+            frames, lost, counts = run(remote, options.seconds)
+            print("drawing a picture and a clip, which takes up to a minute", flush=True)
+            for path in demo_pictures.draw(frames, options.out):
+                print(f"wrote {path}", flush=True)
+        except KeyboardInterrupt:
+            sys.exit("demo was interrupted")
     if lost:
         sys.exit(f"demo failed: {lost} bodies were lost")
     print(f"no body lost; received {counts}")
 
 
-def run(seconds: float) -> tuple[list[Frame], int, dict[str, int]]:
+def run(remote: Remote, seconds: float) -> tuple[list[Frame], int, dict[str, int]]:
     """Start the processes and run the demo for ``seconds`` [s]. Return frames to draw, the largest number of lost
     bodies, and the number of messages by output."""
-    init()
-    try:
-        with closing(Remote("/terrain_collider")) as remote, demo_running(remote) as demo:
-            remote.watch(set(OUTPUTS))
-            came = remote.counts
-            remote.node.create_subscription(
-                MarkerArray, f"{remote.name}/patches", lambda _: came.update(["patches"]), 10, raw=True
-            )
-            remote.wait_for(lambda: all(demo.counts.values()), "message on some output")
-            return *watch(demo, seconds), demo.counts
-    except InputError as error:
-        sys.exit(f"demo failed: {error}")
-    finally:
-        rclpy.shutdown()
+    with demo_running(remote) as demo:
+        remote.watch(set(OUTPUTS))
+        came = remote.counts
+        remote.node.create_subscription(
+            MarkerArray, f"{remote.name}/patches", lambda _: came.update(["patches"]), 10, raw=True
+        )
+        remote.wait_for(lambda: all(demo.counts.values()), "message on some output")
+        return *watch(demo, seconds), demo.counts

@@ -22,23 +22,18 @@ from smartmesh_ros.scenes import eight
 from smartmesh_ros.tools.demo.terrain_source import map_of
 
 NAME, ROBOT = "rover", "rover"
-SPECS = (
-    fixed("frame_id", "map", "Frame of the terrain."),
-    fixed("listeners", 1, "Number of nodes that must listen before the map is published.", 1, 100),
-)
-# Period of the checks for listeners and for the spawn service [s].
+SPECS = (fixed("frame_id", "map", "Frame of the terrain."),)
+# Period of the checks for a subscriber of the map and for the spawn service [s].
 PERIOD = 0.2
 # Time after which a call without an answer is repeated [s]: the collider may have been killed while it had the call.
 PATIENCE = 10.0
 
 
 class Rover(ParameterNode):
-    """Publishes the ground when all nodes listen, spawns the robot on it, and steers the robot at each body state."""
+    """Publishes the ground when a node subscribes, spawns the robot on it, and steers the robot at each body state."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, SPECS, **node_options)
-        values = self.values
-        self._frame_id, self._wanted = values["frame_id"], values["listeners"]
         self._ground = eight.ground()
         self._maps = self.create_publisher(Heightmap, "terrain_collider/heightmap", LATCHED)
         self._commands = self.create_publisher(JointState, "terrain_collider/joint_commands", 10)
@@ -50,8 +45,8 @@ class Rover(ParameterNode):
 
     def _start(self) -> None:
         if not self._has_published:
-            if self._maps.get_subscription_count() >= self._wanted:
-                header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._frame_id)
+            if self._maps.get_subscription_count():
+                header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self.values["frame_id"])
                 self._maps.publish(map_of(header, self._ground.geometry, self._ground.heights))
                 self._has_published = True
         elif monotonic() >= self._call_at and self._spawner.service_is_ready():

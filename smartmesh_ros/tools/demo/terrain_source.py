@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 from rclpy.time import Time
@@ -90,19 +91,13 @@ def make_scene(values: dict[str, Any]) -> Scene:
     if values["scene"] == "elevation":
         relief = jacksboro_fault(values["relief"])
         rows, columns = relief.shape
-    geometry = centred_grid(rows, columns, values["resolution"], values["yaw"])
+    cornered = GridGeometry(rows=rows, columns=columns, resolution=values["resolution"], yaw=values["yaw"])
+    x, y = cornered.to_world(0.5 * (rows - 1), 0.5 * (columns - 1))  # its middle
+    geometry = replace(cornered, origin=(-x, -y, 0.0))
     if values["scene"] not in ("waves", "elevation"):
         return make_ground(geometry, values["scene"])
     wave = Wave(values["wave.amplitude"], values["wave.number"], values["wave.frequency"])
     return InwardWaves(geometry, wave, relief)
-
-
-def centred_grid(rows: int, columns: int, resolution: float, yaw: float) -> GridGeometry:
-    """Return a grid centred on the frame's origin. ``resolution`` [m], ``yaw`` [rad]."""
-    x, y = -0.5 * (columns - 1) * resolution, -0.5 * (rows - 1) * resolution
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    origin = (x * cos - y * sin, x * sin + y * cos, 0.0)
-    return GridGeometry(rows=rows, columns=columns, resolution=resolution, origin=origin, yaw=yaw)
 
 
 def main(args: list[str] | None = None) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -11,10 +12,11 @@ import numpy as np
 import yaml
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Box, Capsule, Cylinder, Shape, Sphere, shape_from
+from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Shape, Sphere, shape_from
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.scenes.moving import Scene as MovingGround
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.tools.evaluation.clearance import skin
 from smartmesh_ros.tools.evaluation.distance import Surface
 from smartmesh_ros.tools.evaluation.grounds import make_ground
 
@@ -126,8 +128,8 @@ def lowest(surface: Surface, shape: Shape, xy: FloatArray) -> FloatArray:
         dx, dy = dx[keep], dy[keep]
         drop = np.sqrt(np.maximum(reach**2 - dx**2 - dy**2, 0.0))
     else:
-        half = {Box: "z", Cylinder: "height", Capsule: "height"}[type(shape)]
-        drop = np.full(len(dx), 0.5 * getattr(shape, half) + (shape.radius if isinstance(shape, Capsule) else 0.0))
+        body = skin(shape)
+        drop = np.full(len(dx), body.radius - body.points[:, 2].min())
     points = np.zeros((len(xy), len(dx), 3))
     points[..., 0], points[..., 1] = xy[:, :1] + dx, xy[:, 1:] + dy
     ground = surface.below(points.reshape(-1, 3)).reshape(len(xy), -1)
@@ -135,13 +137,20 @@ def lowest(surface: Surface, shape: Shape, xy: FloatArray) -> FloatArray:
 
 
 def read_scene(path: Path) -> Scene:
-    """Return the scene of a YAML file; raises `InputError` for missing or unknown fields."""
-    loaded = yaml.safe_load(path.read_text())
+    """Return the scene of a YAML file; raises `InputError` for missing or unknown fields, and for values that cannot
+    be."""
     try:
+        loaded = yaml.safe_load(path.read_text())
         bodies = Bodies(**_as_tuples(loaded.pop("bodies", {})))
-        return Scene(name=path.stem, bodies=bodies, **_as_tuples(loaded))
-    except (AttributeError, TypeError) as error:
+        found = Scene(name=path.stem, bodies=bodies, **_as_tuples(loaded))
+        lengths = (*found.grid, *found.slide, *bodies.size, *bodies.spread, *bodies.velocity)
+        numbers = np.array([*lengths, found.map_rate, found.settle, found.samples, bodies.drop, bodies.friction], float)
+        above_zero = 0.0 < found.duration < math.inf and bodies.count > 0
+        if not (above_zero and np.isfinite(numbers).all() and "kind" in {**found.ground}):
+            raise ValueError("numbers must be finite, duration and count above zero, and the ground has a kind")
+    except (AttributeError, TypeError, OSError, ValueError, yaml.YAMLError) as error:
         raise InputError("scene", f"{path.name} is no scene such as {FOLDER}/flat.yaml: {error}") from None
+    return found
 
 
 def _as_tuples(mapping: dict[str, Any]) -> dict[str, Any]:

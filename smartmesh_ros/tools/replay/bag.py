@@ -13,9 +13,8 @@ from typing import Any, NamedTuple
 import yaml
 from rclpy.serialization import serialize_message
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, as_float
 
-LATCHED = "transient_local"
 # The end of the names of topics with the events of a service.
 EVENTS = "/_service_event"
 
@@ -64,10 +63,13 @@ class Bag(Source):
         self.title = f"The bag {self.path} has"
         if not path.exists():
             raise InputError("bag", f"there is no bag {path}")
-        self.end = math.inf
+        folder = self.path.is_dir()
+        if folder and not (self.path / "metadata.yaml").is_file():
+            there = ", ".join(sorted(other.name for other in self.path.iterdir())[:20]) or "nothing"
+            raise InputError("bag", f"{self.path} is no bag: it has no metadata.yaml (there is: {there})")
         try:
-            self.topics = self._of_folder() if self.path.is_dir() else self._of_file()
-        except InputError:
+            self.topics = self._of_folder() if folder else self._of_file()
+        except ModuleNotFoundError:  # rosbags
             raise
         except Exception as error:  # noqa: BLE001  # those of rosbags, SQLite and YAML have no common base
             raise InputError("bag", f"{path} is no bag, or it is damaged: {_words(error)}") from None
@@ -84,8 +86,6 @@ class Bag(Source):
                 for connection, nanoseconds, data in reader.messages(wanted) if wanted else ():
                     yield Record(connection.topic, connection.msgtype, nanoseconds * 1e-9, bytes(data))
                     count += 1
-        except InputError:
-            raise
         except Exception as error:  # noqa: BLE001  # those of rosbags, SQLite and the decompressors have no common base
             raise self.refusal(
                 "bag", f"the bag is cut off or damaged after {count} messages ({_words(error)}); ros2 bag reindex or "
@@ -96,11 +96,7 @@ class Bag(Source):
         """Return the topics by ``metadata.yaml``, which is whole even if a file of the bag is cut off."""
         from rosbags.rosbag2.metadata import parse_qos
 
-        file = self.path / "metadata.yaml"
-        if not file.is_file():
-            there = ", ".join(sorted(other.name for other in self.path.iterdir())[:20]) or "nothing"
-            raise InputError("bag", f"{self.path} is no bag: it has no metadata.yaml (there is: {there})")
-        found, about = {}, yaml.safe_load(file.read_text())["rosbag2_bagfile_information"]
+        found, about = {}, yaml.safe_load((self.path / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
         begin = about["starting_time"]["nanoseconds_since_epoch"]
         self.end = 1e-9 * (begin + about["duration"]["nanoseconds"])
         for entry in about["topics_with_message_count"]:
@@ -155,7 +151,13 @@ def class_of(name: str) -> Any:
 
 
 def recorded(topic: str, time: float, message: Any) -> Record:
-    """Return a message on a topic at a ``time`` [s] as a record; for a service's request, the event of the call."""
+    """Return a message on a topic at a ``time`` [s] as a record; for a service's request, the event of the call. Raises
+    `InputError` for what is no message or request, and for a time that is no number."""
+    if not hasattr(type(message), "SLOT_TYPES") or type(message).__name__.endswith("_Response"):
+        kind = type(message).__name__
+        raise InputError("content", f"{topic} was given a {kind}; it must be a message or the request of a service")
+    if not math.isfinite(as_float(time)):
+        raise InputError("time", f"the time of {topic} is {time!r}; it must be a number of seconds")
     service, request, _ = type_of(type(message)).partition("_Request")
     if request and service.split("/")[1] == "srv":
         event = class_of(service).Event(request=[message])
@@ -166,7 +168,7 @@ def recorded(topic: str, time: float, message: Any) -> Record:
 
 def _latched(profiles: Any) -> bool:
     """Return True if one of a topic's publishers is latched, or if none is known."""
-    return not profiles or any(profile.durability.name.lower() == LATCHED for profile in profiles)
+    return not profiles or any(profile.durability.name == "TRANSIENT_LOCAL" for profile in profiles)
 
 
 def _words(error: Exception) -> str:

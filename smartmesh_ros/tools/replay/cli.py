@@ -17,7 +17,7 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, naming
 from smartmesh_ros.node.running import Stop
 from smartmesh_ros.startup.arguments import Parser
 from smartmesh_ros.startup.remappings import refuse_expanded
@@ -94,17 +94,16 @@ def _run(options: argparse.Namespace) -> int:
     if not until > 0.0:
         raise InputError("parameter", f"--until is {until:g}; it must be a number of seconds above zero")
     bag, rules, line = Bag(options.bag), rules_of(options.remap), ProgressLine()
-    names = Names(rules)
-    parameters = read_parameters(options.params_file, options.param, names.node)
+    parameters = read_parameters(options.params_file, options.param, Names(rules).node)
     file = None
     if options.output is not None:
         from smartmesh_ros.tools.replay.mcap_file import McapFile
 
-        file = McapFile(options.output)
-    if file is not None and file.path.exists() and bag.path.resolve() in (place := file.path.resolve(), place.parent):
-        raise InputError("file", f"-o {file.path} is the bag itself, or one of its files; name another file")
+        file, place = McapFile(options.output), options.output.resolve()
+        if place.exists() and bag.path.resolve() in (place, place.parent):
+            raise InputError("file", f"-o {file.path} is the bag itself, or one of its files; name another file")
     with Replay(bag, parameters, remap=rules, file=file, topics=options.topics, say=line.say) as replay:
-        if unknown := sorted({*map(names.full, options.topics)} - replay.outputs):
+        if unknown := sorted({*map(replay.names.full, options.topics)} - replay.outputs):
             there = ", ".join(sorted(replay.outputs))
             raise InputError("topic", f"--topics: there is no output {', '.join(unknown)}; the outputs are {there}")
         begun = monotonic()
@@ -125,6 +124,8 @@ def report(replay: Replay, speed: float, file: McapFile | None, check: str | Non
     print(f"replayed {replay.time:.3f} s, {speed:.1f} times as fast as real time{', until interrupted' * interrupted}")
     for what, count in replay.refused.items():
         print(f"refused {count} times: {what}")
+    for topic, kind in replay.left_out.items():
+        print(f"left out: {topic} ({kind}); -r '~/INPUT:={topic}' would make it an input")
     if file is not None:
         print(f"wrote {file.path}: {', '.join(f'{topic} ({count})' for topic, count in file.counts.items())}")
     same = check is None or check.strip().lower() == replay.digest
@@ -140,10 +141,8 @@ def rules_of(remaps: Sequence[str]) -> list[tuple[str, str]]:
     rules = [(old, new) for old, _, new in (text.partition(":=") for text in remaps)]
     if wrong := [text for text, (old, new) in zip(remaps, rules, strict=True) if not (old and new)]:
         raise InputError("arguments", f"-r {wrong[0]!r} must be from:=to, as in -r '~/heightmap:=/maps'")
-    try:
+    with naming("-r"):
         Names(rules)
-    except ValueError as error:
-        raise InputError("arguments", f"-r: {str(error).partition(', at ')[0]}") from None
     return rules
 
 

@@ -21,7 +21,10 @@ def definition_of(kind: Any) -> str:
     """Return the definition of a message class, and those of all messages in it, each once, after lines of ``=`` and
     ``MSG: package/Name``. Requests, responses and events of services have those of their parts."""
     name, *others = dict.fromkeys(_names(kind))
-    parts = [_text(name), *(f"{SEPARATOR}\nMSG: {_short(other)}\n{_text(other)}" for other in others)]
+    parts = [_text(name)]
+    for other in others:
+        package, _, message = other.split("/")
+        parts.append(f"{SEPARATOR}\nMSG: {package}/{message}\n{_text(other)}")
     return "\n".join(part.rstrip("\n") for part in parts) + "\n"
 
 
@@ -52,13 +55,8 @@ def _text(name: str) -> str:
     service, _, part = message.rpartition("_")
     if part in PARTS:
         return (_folder(package, middle) / f"{service}.srv").read_text().split("---\n")[PARTS.index(part)]
-    fields = (f"{_short(f'{package}/srv/{service}_{part}')}[<=1] {part.lower()}" for part in PARTS)
+    fields = (f"{package}/{service}_{part}[<=1] {part.lower()}" for part in PARTS)
     return "\n".join(["service_msgs/ServiceEventInfo info", *fields])
-
-
-def _short(name: str) -> str:
-    package, _, message = name.split("/")
-    return f"{package}/{message}"
 
 
 def _folder(package: str, middle: str) -> Path:

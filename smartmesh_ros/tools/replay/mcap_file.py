@@ -72,8 +72,8 @@ def add_topic(writer: Writer, topic: str, type_name: str, qos: list[Qos]) -> Any
 
 
 def _qos(publisher: Publisher) -> Qos:
-    durability = QosDurability.TRANSIENT_LOCAL if publisher.latched else QosDurability.VOLATILE
+    depth, durability = publisher.qos.depth, QosDurability[publisher.qos.durability.name]
     return Qos(
-        QosHistory.KEEP_LAST, publisher.depth, QosReliability.RELIABLE, durability, FOREVER, FOREVER,
+        QosHistory.KEEP_LAST, depth, QosReliability.RELIABLE, durability, FOREVER, FOREVER,
         QosLiveliness.AUTOMATIC, FOREVER, avoid_ros_namespace_conventions=False,
     )  # fmt: skip

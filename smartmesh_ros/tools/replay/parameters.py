@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +28,28 @@ def read_parameters(files: Sequence[Path], single: Sequence[str], node: str) -> 
     for file in files:
         values |= read_file(file, node)
     values |= dict(map(single_value, single))
-    for name in values:
+    require_known(values)
+    return values
+
+
+def flat(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters, which may be in groups as in a file, by their full names."""
+    [(_, found)] = parameters_by_node({PARAMETERS: dict(values)})
+    return found
+
+
+def require_known(names: Iterable[str]) -> None:
+    """Raise `InputError` if one of the ``names`` is no parameter of the node."""
+    for name in names:
         if name not in NAMES and name != "use_sim_time" and not name.startswith(QOS):
             raise InputError("parameter", f"parameter {name!r} is unknown{suggestion(name, NAMES)}")
-    return values
+
+
+def require_changeable(names: Collection[str]) -> None:
+    """Raise `InputError` if one of the ``names`` is a parameter that is fixed after the start."""
+    for spec in SPECS:
+        if spec.read_only and spec.name in names:
+            raise InputError("parameter", f"{spec.name} is fixed after the start; give it to a new run")
 
 
 def read_file(path: Path, node: str) -> dict[str, Any]:
@@ -41,19 +59,18 @@ def read_file(path: Path, node: str) -> dict[str, Any]:
         content = yaml.safe_load(path.read_text())
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise InputError("file", f"{path} is no parameter file: {error}") from None
-    if wrong := mismatch(path, node):
-        raise InputError("file", wrong)
     found: dict[str, Any] = {}
     for name, values in parameters_by_node(content):
         found |= values if re.fullmatch(pattern(name), node) else {}
     if not found:
-        raise InputError("file", f"{path} has no {PARAMETERS}; it must read '/**: {{{PARAMETERS}: {{name: value}}}}'")
+        none = f"{path} has no {PARAMETERS}; it must read '/**: {{{PARAMETERS}: {{name: value}}}}'"
+        raise InputError("file", mismatch(path, node) or none)
     return found
 
 
 def settings_of(values: Mapping[str, Any]) -> Settings:
     """Return settings with these parameters, and all others at their defaults; raise `InputError` if one is invalid."""
-    return settings_from({**DEFAULTS, **{name: value for name, value in values.items() if name in NAMES}})
+    return settings_from({**DEFAULTS, **values})
 
 
 def preset_values(name: str) -> dict[str, Any]:

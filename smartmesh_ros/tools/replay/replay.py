@@ -19,9 +19,10 @@ from smartmesh_ros.node.inputs.checked_messages import message_from
 from smartmesh_ros.node.parameters.specifications import NAMES
 from smartmesh_ros.node.terrain_collider import Collider
 from smartmesh_ros.tools.replay.bag import EVENTS, Bag, Messages, Record, Source, type_of
+from smartmesh_ros.tools.replay.checks import require_named, require_taken, require_type
 from smartmesh_ros.tools.replay.clock import ReplayClock
 from smartmesh_ros.tools.replay.digest import Digest
-from smartmesh_ros.tools.replay.parameters import settings_of
+from smartmesh_ros.tools.replay.parameters import flat, require_changeable, require_known, settings_of
 from smartmesh_ros.tools.replay.transport import InProcess, Log, Names, Publisher
 from smartmesh_ros.world.world import World
 
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 
 # Topics that are read beside the inputs; those of transforms become inputs when a message needs them.
 CLOCK, PARAMETERS, TRANSFORMS = "/clock", "/parameter_events", ("/tf", "/tf_static")
+# Outputs that parameters may begin at any time.
+LATER = "/tf", CLOCK
 # The ends of names of topics that may become inputs by discovery.
 STATES = "/body_states"
 # Differences of times that are rounding errors [s].
@@ -42,7 +45,8 @@ class Replay:
     Time zero, at which the first step begins, is that of the first message for the collider. A message is taken before
     the step that begins when it arrives. Answers to calls take no time.
     ``collider``, ``world``: as in the node. ``time`` [s]: how far the run has come. ``log``: what the node would log.
-    Raises `InputError` if the collider refuses its parameters, or nothing in the recording is for it.
+    Raises `InputError` if the collider refuses its parameters, if nothing in the recording is for it, or if a message
+    of a list is not.
 
     Names of topics and services without a leading ``/`` are below that of the node.
     """
@@ -59,9 +63,9 @@ class Replay:
         say: Callable[[str], None] | None = None,
     ) -> None:
         """``source``: a recording, the path of a bag, or a list of (topic, time [s], message) and (service, time [s],
-        request). ``parameters``: of terrain_collider, by name. ``remap``: new names of topics and services, as of
-        ``--ros-args -r``. ``keep``: outputs whose messages `received` returns. ``file``: gets the outputs, or only
-        these ``topics``. ``say``: gets the lines of ``log``."""
+        request). ``parameters``: of terrain_collider, by name, or in groups as in a file. ``remap``: new names of
+        topics and services, as of ``--ros-args -r``. ``keep``: outputs whose messages `received` returns. ``file``:
+        gets the outputs, or only these ``topics``. ``say``: gets the lines of ``log``."""
         self.log: list[str] = []
         self.names = Names(remap)
         self._kept: dict[str, list[Any]] = {self.names.full(topic): [] for topic in keep}
@@ -70,13 +74,15 @@ class Replay:
             source = Bag(Path(source))
         elif not isinstance(source, Source):
             source = Messages(source, self.names.node)
-        self._source, self._values = source, dict(parameters or {})
+        self._source, self._values = source, flat(parameters or {})
+        require_known(self._values)
         settings = settings_of(self._values)
         self.clock = ReplayClock(0.0, simulated=bool(self._values.get("use_sim_time")) and CLOCK in source.topics)
         self.node = InProcess(self.names, Log(self.clock, say or self.log.append), source.topics, self._sink)
         self.collider = Collider(self.node, settings, self.clock)
         try:
             self._calls = self._call_events()
+            require_named(self.names.node, "output", self._kept, {*self.outputs, *map(self.names.resolve, LATER)})
             self._records = source.records(self._wanted())
             self._next = next(self._records, None)
             if self._next is None:
@@ -124,6 +130,13 @@ class Replay:
         return {*self.node.publishers, *(self.names.resolve(topic) for topic, rate in later.items() if rate)}
 
     @property
+    def left_out(self) -> dict[str, str]:
+        """Recorded topics of an input's type that are no input and no output, with their types: a name may be wrong."""
+        names, kinds = {*dict(self._inputs), *self.outputs}, {kind for _, kind in self._inputs}
+        topics = {name: about.type_name for name, about in self._source.topics.items() if not name.endswith(STATES)}
+        return {name: kind for name, kind in topics.items() if kind in kinds and name not in names}
+
+    @property
     def refused(self) -> dict[str, int]:
         """Counts of refused messages and calls, by "topic: reason"."""
         return dict(self.collider.refusals.counts)
@@ -146,25 +159,38 @@ class Replay:
             yield from self._steps_to(until)
 
     def give(self, topic: str, message: Any) -> None:
-        """Give the collider a message, or its bytes, now."""
-        data = message if isinstance(message, bytes) else serialize_message(message)
-        for subscription in self.node.subscriptions[self.names.full(topic)]:
-            subscription.callback(data)
+        """Give the collider a message, or its bytes, now. Raises `InputError` if it has no input of this name and
+        type."""
+        name = self.names.full(topic)
+        require_named(self.names.node, "input", [name], {*dict(self._inputs), *TRANSFORMS})
+        for subscription in self.node.subscriptions.get(name, []):
+            require_type(name, message, subscription.kind, bytes)
+        self.node.deliver(name, message if isinstance(message, bytes) else serialize_message(message))
         self._settle()
 
     def call(self, service: str, request: Any) -> Any:
-        """Call a service now, and return its response."""
-        answers = self.node.services[self.names.full(service)].call(request)
+        """Call a service now, and return its response. Raises `InputError` if the collider has none of this name and
+        type."""
+        name = self.names.full(service)
+        require_named(self.names.node, "service", [name], self.node.services)
+        require_type(name, request, self.node.services[name].kind.Request)
+        answers = self.node.services[name].call(request)
         self._settle()
         return answers[0]
 
     def received(self, topic: str) -> list[Any]:
-        """Return the messages of an output that is kept, so far."""
-        return self._kept[self.names.full(topic)]
+        """Return the messages of an output that is kept, so far. Raises `InputError` for another one."""
+        name = self.names.full(topic)
+        if name not in self._kept:
+            raise InputError("name", f"{topic} is not kept; name it in keep=[{topic!r}]")
+        return self._kept[name]
 
     def set(self, **values: Any) -> None:
         """Set parameters, with ``__`` for the dots in their names; raise `InputError` if the node would refuse them."""
-        self._set({name.replace("__", "."): value for name, value in values.items()})
+        named = {name.replace("__", "."): value for name, value in values.items()}
+        require_known(named)
+        require_changeable(named)
+        self._set(named)
 
     def _set(self, values: Mapping[str, Any]) -> None:
         changed = {**self._values, **values}
@@ -198,10 +224,10 @@ class Replay:
             if record.topic.endswith(EVENTS):
                 self._take_call(record)
             elif record.topic == CLOCK and self.clock.simulated:
-                now = deserialize_message(record.data, Clock).clock
+                now = message_from(record.data, Clock).clock
                 self.clock.set_simulated(now.sec + 1e-9 * now.nanosec)
             elif record.topic == PARAMETERS:
-                self._take_parameters(deserialize_message(record.data, ParameterEvent))
+                self._take_parameters(message_from(record.data, ParameterEvent))
             else:
                 self.node.deliver(record.topic, record.data)
         except InputError as error:
@@ -230,8 +256,7 @@ class Replay:
     def _call_events(self) -> dict[str, int]:
         """Return which event of each recorded service stands for a call: that of the server, which a client may have
         recorded besides, or else that of the client."""
-        kinds = {f"{name}{EVENTS}": type_of(service.kind) + "_Event" for name, service in self.node.services.items()}
-        there = {topic for topic, kind in kinds.items() if topic in self._source.topics}
+        there = self._event_kinds.keys() & self._source.topics
         found = dict.fromkeys(there, int(ServiceEventInfo.REQUEST_SENT))
         for record in self._source.records(there):
             kind = int(record.data[4]) if len(record.data) > 4 else -1  # the first field of ServiceEventInfo
@@ -241,14 +266,22 @@ class Replay:
 
     def _wanted(self) -> Collection[str]:
         """Return the recorded topics that are for the collider, or may be; raise `InputError` if one is of another
-        type than its input."""
-        topics, inputs = self._source.topics, self._inputs
-        for name, kind in inputs:
+        type than its input, or if a list of messages has others."""
+        topics, own = self._source.topics, dict([*self._inputs, *self._event_kinds.items()])
+        for name, kind in {**own, CLOCK: type_of(Clock), PARAMETERS: type_of(ParameterEvent)}.items():
             if name in topics and topics[name].type_name != kind:
                 raise self._source.refusal("topic", f"{name} has {topics[name].type_name}, and must have {kind}")
-        own, others = {*self._calls, *dict(inputs)}, {*TRANSFORMS, PARAMETERS, CLOCK}
-        found = {topic for topic in topics if topic in own | others or topic.endswith(STATES)}
-        return found if found & own else set()
+        others = {*TRANSFORMS, PARAMETERS, CLOCK}
+        found = {topic for topic in topics if topic in {*own, *others} or topic.endswith(STATES)}
+        if isinstance(self._source, Messages) and found & own.keys():
+            left = {topic: about for topic, about in topics.items() if topic not in found}
+            require_taken(self.names.node, left, dict(self._inputs), self.node.services)
+        return found if found & own.keys() else set()
+
+    @property
+    def _event_kinds(self) -> dict[str, str]:
+        """Types of the topics with the events of the services, by name."""
+        return {f"{name}{EVENTS}": type_of(service.kind) + "_Event" for name, service in self.node.services.items()}
 
     @property
     def _inputs(self) -> list[tuple[str, str]]:

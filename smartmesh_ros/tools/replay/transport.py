@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections import defaultdict, deque
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.outputs.cdr import bytes_of
 from smartmesh_ros.tools.replay.bag import Topic
 from smartmesh_ros.tools.replay.clock import ReplayClock
@@ -20,7 +23,7 @@ MOST_LATCHED = 100
 
 class Names:
     """The collider's name, and its remapping rules (from, to), as of ``--ros-args -r from:=to``; the first that fits
-    counts. Raises `ValueError` for impossible names."""
+    counts. Raises `InputError` for impossible names."""
 
     def __init__(self, rules: Mapping[str, str] | Sequence[tuple[str, str]] = ()) -> None:
         rules = list(rules.items()) if isinstance(rules, Mapping) else rules
@@ -36,7 +39,7 @@ class Names:
 
     def full(self, topic: str) -> str:
         """Return the full name of a topic or service, which is below the node's name unless it begins with ``/``."""
-        return self.resolve(topic if topic[0] in "/~" else f"~/{topic}")
+        return self.resolve(topic if topic.startswith(("/", "~")) else f"~/{topic}")
 
     def resolve(self, topic: str) -> str:
         """Return the full name of a topic or service, after remapping."""
@@ -44,33 +47,25 @@ class Names:
         return next((new for old, new in self._rules if old == full), full)
 
     def _full(self, topic: str) -> str:
-        return str(expand_topic_name(topic, self.name, self.namespace))
+        try:
+            return str(expand_topic_name(topic, self.name, self.namespace))
+        except ValueError as error:
+            raise InputError("topic", str(error).partition(", at ")[0]) from None
 
 
 class Log:
-    """The node's logger: ``say`` gets each line. A line with ``throttle_duration_sec`` [s] is left out for so long
-    after the last one from the same place of the code."""
+    """The node's logger, with ``info``, ``warning`` and ``error`` as of rclpy's: ``say`` gets each line. A line with
+    ``throttle_duration_sec`` [s] is left out for so long after the last one from the same place of the code."""
 
     def __init__(self, clock: ReplayClock, say: Callable[[str], None]) -> None:
         self._clock, self._say = clock, say
         self._said: dict[tuple[Any, int], float] = {}
-
-    def info(self, text: str, **options: Any) -> None:
-        """Log what is good to know."""
-        self._add("INFO", text, **options)
-
-    def warning(self, text: str, **options: Any) -> None:
-        """Log what may be wrong."""
-        self._add("WARN", text, **options)
-
-    def error(self, text: str, **options: Any) -> None:
-        """Log what is wrong."""
-        self._add("ERROR", text, **options)
+        self.info, self.warning, self.error = (partial(self._add, level) for level in ("INFO", "WARN", "ERROR"))
 
     def _add(self, level: str, text: str, throttle_duration_sec: float = 0.0) -> None:
-        caller, now = sys._getframe(2), self._clock.elapsed
+        caller, now = sys._getframe(1), self._clock.elapsed
         place = caller.f_code, caller.f_lineno
-        if now < self._said.get(place, -1.0) + throttle_duration_sec:
+        if now < self._said.get(place, -math.inf) + throttle_duration_sec:
             return
         self._said[place] = now
         self._say(f"[{level}] [{now:.3f} s] {text}")
@@ -94,15 +89,14 @@ Waiting = deque[tuple[Subscription, bytes]]
 
 
 class Publisher:
-    """An output. ``latched``: late subscribers get its last messages. ``depth``: how many. ``record``: gets each
-    message's bytes, None = not recorded. ``own``: the collider's own subscriptions, whose messages are ``waiting``."""
+    """An output. ``record``: gets each message's bytes, None = not recorded. ``own``: the collider's own subscriptions,
+    whose messages are ``waiting``."""
 
     def __init__(
         self, kind: Any, topic_name: str, qos: QoSProfile | int, own: Sequence[Subscription], waiting: Waiting
     ) -> None:
-        profile = qos if isinstance(qos, QoSProfile) else QoSProfile(depth=qos)
-        self.kind, self.topic_name, self.depth = kind, topic_name, int(profile.depth)
-        self.latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        self.kind, self.topic_name = kind, topic_name
+        self.qos = qos if isinstance(qos, QoSProfile) else QoSProfile(depth=qos)
         self.record: Callable[[bytes], None] | None = None
         self._own, self._waiting = own, waiting
 
@@ -160,9 +154,10 @@ class InProcess:
         self._waiting: Waiting = deque()
 
     def deliver(self, topic: str, data: bytes) -> None:
-        """Pass a recorded message on, or keep it for a later subscription if its topic is latched."""
+        """Pass a message on, or keep it for a later subscription unless it was recorded from a topic that is not
+        latched."""
         found = self.subscriptions.get(topic)
-        if not found and self._recorded[topic].latched:
+        if not found and (topic not in self._recorded or self._recorded[topic].latched):
             self._latched[topic].append(data)
         self._waiting.extend((subscription, data) for subscription in found or ())
         self.deliver_waiting()

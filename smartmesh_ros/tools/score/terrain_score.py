@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from time import monotonic
@@ -19,7 +19,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.qos import QoSProfile
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.io.rasters import Raster, RasterConfig
+from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.node.inputs.adapters import grid_map_raster
 from smartmesh_ros.node.inputs.checked_messages import message_from
 from smartmesh_ros.node.inputs.optional_messages import require_message
@@ -31,7 +31,7 @@ from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.timing.stamps import stamp_seconds
 from smartmesh_ros.tools.score.scorer import Score, ScoreConfig, Scorer
 
-NAME = "terrain_score"
+NAME, TRUTH, MAP = "terrain_score", "~/truth", "~/map"
 _CONFIG = ScoreConfig()
 SPECS = (
     fixed("layer", RasterConfig().layer, "Layer of the mapper's maps with the heights."),
@@ -61,15 +61,13 @@ class TerrainScore(ParameterNode):
             except OSError as error:
                 raise InputError("parameter", f"csv cannot be written: {error}") from None
         self._status = self.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
-        truth, own = RasterConfig(), RasterConfig(layer=values["layer"])
-        for topic, config, take in (("~/truth", truth, self._on_truth), ("~/map", own, self._on_map)):
-            on_message = partial(self._on_message, kind, topic, config, take)
+        self._rasters = {TRUTH: RasterConfig(), MAP: RasterConfig(layer=values["layer"])}
+        for topic in self._rasters:
+            on_message = partial(self._on_message, kind, topic)
             self.create_subscription(kind, topic, on_message, QoSProfile(depth=10), raw=True)
         self.create_timer(PERIOD, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def _on_message(
-        self, kind: Any, topic: str, config: RasterConfig, take: Callable[[str, float, Raster], None], data: bytes
-    ) -> None:
+    def _on_message(self, kind: Any, topic: str, data: bytes) -> None:
         """Take a message of a topic; tell and count what is refused."""
         self._came[topic] = monotonic()
         try:
@@ -77,7 +75,14 @@ class TerrainScore(ParameterNode):
             stamp = stamp_seconds(message.header.stamp)
             if stamp is None:
                 raise InputError("stamp", "a map has no stamp, so the truth of its time is unknown; stamp the maps")
-            take(message.header.frame_id.strip("/"), stamp, grid_map_raster(message, config, group=""))
+            frame, raster = message.header.frame_id.strip("/"), grid_map_raster(message, self._rasters[topic], group="")
+            if topic == TRUTH:
+                self._frame = frame
+                self.scorer.add_truth(stamp, raster)
+            else:
+                self._require_frame(frame)
+                self.scorer.add_map(stamp, raster)
+                self._refused = ""
         except InputError as error:
             self._refuse(f"{self.resolve_topic_name(topic)}: {error}", f"{topic}: {error.reason}")
         for score in self.scorer.take():
@@ -88,18 +93,12 @@ class TerrainScore(ParameterNode):
         self._refusals[reason] += 1
         self.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)
 
-    def _on_truth(self, frame: str, stamp: float, raster: Raster) -> None:
-        self._frame = frame
-        self.scorer.add_truth(stamp, raster)
-
-    def _on_map(self, frame: str, stamp: float, raster: Raster) -> None:
+    def _require_frame(self, frame: str) -> None:
         if self._frame and frame != self._frame:
             raise InputError(
                 "frame", f"maps are in frame {frame!r}, the truth in {self._frame!r}; no transform is applied, because "
                 "its error would count as the map's: let the mapper work in the frame of the truth"
             )  # fmt: skip
-        self.scorer.add_map(stamp, raster)
-        self._refused = ""
 
     def _note(self, score: Score) -> None:
         self.score, self._scored = score, self._scored + 1
@@ -127,7 +126,7 @@ class TerrainScore(ParameterNode):
 
     def _state(self) -> tuple[bytes, str]:
         """Return the level and the words of the diagnostics."""
-        for topic, source in (("~/truth", "no truth"), ("~/map", "the mapper is silent: no map")):
+        for topic, source in ((TRUTH, "no truth"), (MAP, "the mapper is silent: no map")):
             name, came = self.resolve_topic_name(topic), self._came.get(topic)
             if came is None:
                 return DiagnosticStatus.WARN, f"{source} on {name} so far; publish it, or remap {topic}"

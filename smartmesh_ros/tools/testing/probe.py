@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from time import monotonic
@@ -20,8 +19,9 @@ from rclpy.qos import QoSProfile
 from smartmesh_msgs import msg
 from visualization_msgs.msg import Marker, MarkerArray
 
+from smartmesh_ros.errors import suggestion
 from smartmesh_ros.tools.messages import heightmap_message, points_of, pose_message
-from smartmesh_ros.tools.replay.bag import class_of
+from smartmesh_ros.tools.replay.bag import class_of, type_of
 from smartmesh_ros.tools.testing.process import START_TIMEOUT, TIMEOUT, Process
 
 COLLIDER = "/terrain_collider"
@@ -62,7 +62,7 @@ class Probe:
         self.context = Context()
         rclpy.init(context=self.context)
         self.node = Node("probe", context=self.context)
-        self.received: dict[str, list[Any]] = defaultdict(list)
+        self.received: dict[str, list[Any]] = {}
         self._executor = EventsExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._services: dict[str, Any] = {}
@@ -70,7 +70,6 @@ class Probe:
         self.publishers = {
             topic: self.node.create_publisher(kind, self.topic(topic), 10) for topic, kind in _INPUTS.items()
         }
-        self._listens: set[str] = set()
         for topic, kind in _OUTPUTS.items():
             self.listen(topic, kind)
         self.listen(DIAGNOSTICS, DiagnosticArray)
@@ -94,8 +93,8 @@ class Probe:
     def listen(self, topic: str, kind: Any, qos: Any = 100) -> list[Any]:
         """Subscribe to a topic; return the list to which its messages are appended."""
         name = self.topic(topic)
-        if name not in self._listens:
-            self._listens.add(name)
+        if name not in self.received:
+            self.received[name] = []
             self.node.create_subscription(kind, name, self.received[name].append, qos)
         return self.received[name]
 
@@ -194,8 +193,9 @@ class Probe:
 
     def latest(self, topic: str) -> Any:
         """Wait for the next message of an output (below the collider's name, or a full name); return it."""
-        if (name := self.topic(topic)) not in self._listens:
-            [kind] = self.wait_for(lambda: dict(self.node.get_topic_names_and_types()).get(name))
+        if (name := self.topic(topic)) not in self.received:
+            with self._naming("topic", topic, self.node.get_topic_names_and_types):
+                [kind] = self.wait_for(lambda: dict(self.node.get_topic_names_and_types()).get(name))
             self.listen(topic, class_of(kind))
         messages = self.received[name]
         seen = len(messages)
@@ -210,8 +210,19 @@ class Probe:
             # The executor must know the client before a response can come: rmw_fastrtps does not report one that comes
             # while the executor asks for reports. Tasks wait behind the news of the client.
             self.wait_for(self._executor.create_task(lambda: None).done)
-        self.wait_for(self._services[name].service_is_ready)
+        with self._naming(f"{type_of(kind)} service", service, self.node.get_service_names_and_types):
+            self.wait_for(self._services[name].service_is_ready)
         return self._services[name]
+
+    @contextmanager
+    def _naming(self, what: str, name: str, known: Callable[[], list[tuple[str, list[str]]]]) -> Iterator[None]:
+        """Tell a wait in vain for a ``name`` that there is none, and which of the ``known`` ones may be meant."""
+        try:
+            yield
+        except AssertionError as error:
+            missing = self.topic(name)
+            others = [full.removeprefix(f"{self.collider}/") for full, _ in known() if full != missing]
+            raise AssertionError(f"there is no {what} {missing}{suggestion(name, others)}; {error}") from None
 
     def call(self, service: str, kind: Any, **fields: Any) -> Any:
         """Call a service (below the collider's name, or a full name); return its response."""

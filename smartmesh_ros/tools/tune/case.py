@@ -6,7 +6,7 @@ import math
 from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -82,7 +82,7 @@ def open_case(
         length = min(seconds or LONGEST, bag.end - replay.clock.start)
     if length < 0.1:
         raise bag.refusal("length", f"{length:.3g} s of messages for the node; record at least 0.1 s of maps")
-    return Case(source=bag.path, title=probe.title, length=length, settle=min(0.5, 0.25 * length), **common)
+    return replace(probe, length=length, settle=min(0.5, 0.25 * length))
 
 
 def maps_of(scene: Scene) -> list[tuple[str, float, Any]]:
@@ -122,14 +122,18 @@ class RecordedGround:
 
     def note(self, world: World, *, measured: bool) -> None:
         """Look at the world after each step and message; ``measured``: at the instant of a snapshot."""
-        for name, tile in world.terrain.tiles.items():
-            if not isinstance(tile, HeightMap):
-                continue
-            if tile.motion.corrects and measured:
-                self._maps[name].append((world.time, Surface(tile.geometry, _shown(tile, world.time))))
-            elif not tile.motion.corrects and self._revisions.get(name) != tile.revision:
+        tiles = {name: tile for name, tile in world.terrain.tiles.items() if isinstance(tile, HeightMap)}
+        for name, tile in tiles.items():
+            corrects = tile.motion.corrects
+            if measured if corrects else self._revisions.get(name) != tile.revision:
+                time, heights = (world.time, _shown(tile, world.time)) if corrects else (tile.time, tile.heights.copy())
+                self._maps[name].append((time, Surface(tile.geometry, heights)))
                 self._revisions[name] = tile.revision
-                self._maps[name].append((tile.time, Surface(tile.geometry, tile.heights.copy())))
+        for name in self._revisions.keys() - tiles.keys():  # no ground from now on
+            del self._revisions[name]
+            _, last = self._maps[name][-1]
+            nothing = Surface(last.geometry, np.full_like(last.heights, np.nan))
+            self._maps[name] += [(world.time, last), (world.time, nothing)]
 
     def at(self, time: float) -> list[Surface]:
         """Return the surfaces at a time [s] of a run that is over."""

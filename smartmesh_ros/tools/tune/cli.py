@@ -32,14 +32,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from smartmesh_ros.tools.tune.chart import draw  # needs Matplotlib
+
     make_folder(options.out)
     result = find(options)
     file = options.out / f"{result.case.name}_{'tuned' if result.keeps else 'nearest'}.yaml"
     file.write_text(parameter_file(result))
     print("\n".join(closing_lines(result)))
     print(f"Written: {file}")
-    from smartmesh_ros.tools.tune.chart import draw  # needs Matplotlib
-
     draw(options.out / f"{result.case.name}.png", result)
     print(f"The chart: {options.out / f'{result.case.name}.png'}")
     return 0 if result.keeps else 1

@@ -15,7 +15,7 @@ import numpy as np
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.state import Vector
-from smartmesh_ros.tools.replay.parameters import DEFAULTS
+from smartmesh_ros.tools.replay.parameters import DEFAULTS, settings_of
 from smartmesh_ros.tools.tune.case import Case
 from smartmesh_ros.tools.tune.figures import Figures, excess
 from smartmesh_ros.tools.tune.measuring import measure
@@ -40,8 +40,10 @@ def settings_to_try(given: Mapping[str, Any]) -> list[dict[str, float]]:
 
 
 def own_settings(given: Mapping[str, Any]) -> dict[str, float]:
-    """Return the user's settings, from all parameters that were given."""
-    return {name: float(given.get(name, value)) for name, value in KNOWN.items()}
+    """Return the user's settings, from all parameters that were given. Raises `InputError` if the node would refuse
+    them."""
+    physics = settings_of(given).world.physics
+    return {name: getattr(physics, name.removeprefix("physics.")) for name in KNOWN}
 
 
 def measure_all(case: Case, jobs: int, show: Callable[[float], None]) -> list[Figures]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from time import process_time
@@ -15,7 +15,7 @@ import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from smartmesh_ros.ground.shapes import CENTRED, SHAPES, Shape, shape_of
 from smartmesh_ros.ground.state import Quaternion, Vector
 from smartmesh_ros.tools.evaluation.clearance import clearances
 from smartmesh_ros.tools.evaluation.distance import Surface
@@ -24,13 +24,8 @@ from smartmesh_ros.tools.tune.case import Case
 from smartmesh_ros.tools.tune.figures import Figures
 from smartmesh_ros.world.world import World
 
-# Shapes from PyBullet's sizes. The surface of a mesh is not measured.
-_SHAPES: Mapping[int, Callable[[Sequence[float]], Shape]] = {
-    pb.GEOM_SPHERE: lambda size: Sphere(size[0]),
-    pb.GEOM_BOX: lambda size: Box(*size),
-    pb.GEOM_CYLINDER: lambda size: Cylinder(height=size[0], radius=size[1]),
-    pb.GEOM_CAPSULE: lambda size: Capsule(height=size[0], radius=size[1]),
-}
+# Kinds of shapes by PyBullet's, whose sizes have the same order. The surface of a mesh is not measured.
+_KINDS = {shape.geometry: kind for kind, shape in SHAPES.items()}
 # Rate of measurements [Hz], of which all rates of the grid are multiples.
 SAMPLES = 30.0
 # Number of runs. They are the same but for the time that each step takes, of which the median counts.
@@ -91,17 +86,17 @@ def _run(case: Case, values: Mapping[str, Any], *, accuracy: bool) -> Run:
             spent += process_time() - start
             if ended:
                 break
-            number, steps_of_sample = round(world.time * rate), round(rate / SAMPLES)
+            number, steps_of_sample = round(world.time * rate), max(round(rate / SAMPLES), 1)
             measured = world.time != at and number % steps_of_sample == 0
             truth.note(world, measured=measured)
             if world.time == at:
                 continue
             times.append(spent)
             spent = 0.0
+            if measured:
+                snapshots.append(Snapshot(world.time, dict(_parts_of(world)), _held(world, before, rate)))
             if (number + 1) % steps_of_sample == 0:
                 before = _velocities(world)
-            elif measured:
-                snapshots.append(Snapshot(world.time, dict(_parts_of(world)), _held(world, before, rate)))
             if number == round(case.horizon * rate):
                 positions = {name: world.state(name).position for name in _velocities(world)}
         gc.enable()
@@ -135,9 +130,10 @@ def _parts_of(world: World) -> Iterator[tuple[Part, Pose]]:
         for link in body.links:
             pose = base if link < 0 else client.getLinkState(body.uid, link, computeForwardKinematics=1)[:2]
             for number, (_, _, kind, size, _, *offset) in enumerate(client.getCollisionShapeData(body.uid, link)):
-                if kind in _SHAPES:
+                if kind in _KINDS:
                     with suppress(InputError):  # outside the range of sizes that is measured
-                        yield Part(body.name, link, number, _SHAPES[kind](size)), pb.multiplyTransforms(*pose, *offset)
+                        shape = shape_of(_KINDS[kind], size, CENTRED)
+                        yield Part(body.name, link, number, shape), pb.multiplyTransforms(*pose, *offset)
 
 
 def _accuracy(

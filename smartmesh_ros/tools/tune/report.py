@@ -16,9 +16,9 @@ from smartmesh_ros.tools.tune.case import Case
 from smartmesh_ros.tools.tune.figures import FACTOR, LEAST, Figures, excess, limits_of
 from smartmesh_ros.tools.tune.grid import KNOWN, best, own_settings, point_of
 
-# Names of the limits, by figure.
+# Names of the limits, by figure, in the order of the table.
 NAMES = {
-    "cost": "cost", "penetration": "penetration", "longest": "the longest step", "hover": "hover",
+    "cost": "cost", "longest": "the longest step", "penetration": "penetration", "hover": "hover",
     "deviation": "deviation", "failed": "bodies lost or put back",
 }  # fmt: skip
 
@@ -133,13 +133,12 @@ def _amount(name: str, value: float) -> str:
 
 def table(result: Result) -> str:
     """Return the figures of the chosen point, the defaults and the user's settings."""
-    names = ("cost", "longest", "penetration", "hover", "deviation", "failed")
     rows = {"this file": result.chosen, "defaults": result.defaults}
     if result.given is not None:
         rows["as given"] = result.given
-    lines = ["".join([f"{'':12}", *(f"{name:>16}" for name in names)])]
+    lines = ["".join([f"{'':12}", *(f"{name:>16}" for name in NAMES)])]
     for row, point in rows.items():
-        lines.append("".join([f"{row:12}", *(f"{_amount(name, getattr(point, name)):>16}" for name in names)]))
+        lines.append("".join([f"{row:12}", *(f"{_amount(name, getattr(point, name)):>16}" for name in NAMES)]))
     return "\n".join(lines)
 
 

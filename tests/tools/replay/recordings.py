@@ -1,8 +1,7 @@
-"""Short recordings with mixed inputs, and their digests: ``python -m tests.tools.replay.recordings [NAME ...]``."""
+"""Short recordings with mixed inputs, and their digests: ``python -m tests.tools.replay.recordings``."""
 
 import json
 import math
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -212,4 +211,4 @@ def digest_of(name: str, folder: Path) -> str:
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as made:
-        print("\n" + json.dumps({name: digest_of(name, Path(made)) for name in sys.argv[1:] or RECORDINGS}))
+        print("\n" + json.dumps({name: digest_of(name, Path(made)) for name in RECORDINGS}))

@@ -3,6 +3,7 @@
 import os
 import signal
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ from rclpy.serialization import deserialize_message
 from rosbags.interfaces import QosDurability
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosgraph_msgs.msg import Clock
+from smartmesh_msgs.msg import TrackedBodyArray
 
 from smartmesh_ros.tools.replay import cli
 from smartmesh_ros.tools.replay.bag import class_of
@@ -81,6 +84,17 @@ def test_the_digest_is_checked(bag: str, capsys: pytest.CaptureFixture[str]) -> 
     assert main([*said, "0" * 64]) == 1
     digest = capsys.readouterr().out.splitlines()[-1].removeprefix("digest: ")
     assert main([*said, digest.upper()]) == 0
+
+
+def test_a_topic_that_may_be_meant_for_the_node_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    level, states = heightmap_message([[0.0] * 3] * 3), TrackedBodyArray()
+    messages = [(MAP, 0.0, level), ("/maps", 0.0, level), ("/terrain_collider/body_states", 0.0, states)]
+    bags.write(tmp_path / "bag", [*messages, ("/clock", 0.0, Clock())])
+    line = "left out: /maps (smartmesh_msgs/msg/Heightmap); -r '~/INPUT:=/maps' would make it an input"
+    assert main([str(tmp_path / "bag")]) == 0
+    assert [said for said in capsys.readouterr().out.splitlines() if said.startswith("left out")] == [line]
+    assert main([str(tmp_path / "bag"), "-r", "~/heightmap:=/maps"]) == 0
+    assert f"left out: {MAP} " in capsys.readouterr().out
 
 
 def test_only_some_outputs(bag: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -161,6 +175,14 @@ def test_no_bag_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert main([str(single), "-o", str(tmp_path / "out.mcap")]) == 0
 
 
+def test_a_package_that_is_missing_is_named(bag: str, capsys: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And does not count as damage of the bag."""
+    for name in [name for name in sys.modules if name.partition(".")[0] == "rosbags"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr(sys, "path", [])
+    assert words_of(capsys, bag) == "replay needs rosbags: pip install rosbags\n"
+
+
 def test_a_bag_of_one_instant_is_replayed_like_any_other(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bags.write(tmp_path / "bag", [(MAP, 1.0, heightmap_message([[0.0] * 3] * 3))] * 2)
     assert main([str(tmp_path / "bag")]) == 0
@@ -179,6 +201,8 @@ def test_a_bag_of_one_instant_is_replayed_like_any_other(tmp_path: Path, capsys:
         (["-p", "physics.rate:=fast"], "physics.rate is 'fast'"),
         (["--params-file", "missing.yaml"], "missing.yaml is no parameter file"),
         (["--until", "-1"], "--until is -1"),
+        (["--topics", "a b"], "topic name '~/a b' is invalid: topic name must not contain characters other than"),
+        (["--topics", ""], "topic name '~/' is invalid"),
         (["-o", "/nowhere/out.mcap"], "/nowhere/out.mcap cannot be written: No such file or directory"),
     ],
 )

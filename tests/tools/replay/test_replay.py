@@ -2,15 +2,17 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import PoseArray, TransformStamped
+from rcl_interfaces.msg import ParameterEvent
 from rclpy.serialization import deserialize_message, serialize_message
 from rosgraph_msgs.msg import Clock
 from shape_msgs.msg import SolidPrimitive
@@ -25,7 +27,10 @@ from smartmesh_ros.node.inputs.adapters import grid_map_raster
 from smartmesh_ros.node.outputs.cdr import bytes_of
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.node.timing.pacing import stamp_of
+from smartmesh_ros.tools.replay.bag import Messages, Record
+from smartmesh_ros.tools.replay.clock import ReplayClock
 from smartmesh_ros.tools.replay.replay import Replay
+from smartmesh_ros.tools.replay.transport import Log
 from smartmesh_ros.tools.testing import bags, heightmap_message, pose_message
 from tests.node.shared import Fed, made_with
 from tests.tools.replay.recordings import BEGIN, RECORDINGS, Message, X, digest_of, in_order
@@ -160,11 +165,15 @@ def test_clock_rules_if_it_is_asked_to(replay: Make) -> None:
 
 
 def test_latched_messages_wait_for_whoever_asks_late(replay: Make) -> None:
-    """Static transforms, which the collider asks for at the first pose in another frame."""
-    run = replay(in_order("grid_maps"), RECORDINGS["grid_maps"][0])
-    run.run(0.5)
-    assert run.refused == {"/odom: frame": 1}
-    assert run.world.state("rover").position[0] == pytest.approx(0.5 * 0.45 - 0.5 + 0.25, abs=0.03)
+    """Static transforms, which the collider asks for at the first pose in another frame: recorded, or given by a
+    test."""
+    messages = in_order("grid_maps")
+    given = replay([message for message in messages if message[0] != "/tf_static"], RECORDINGS["grid_maps"][0])
+    given.give("/tf_static", messages[0][2])
+    for run in (replay(messages, RECORDINGS["grid_maps"][0]), given):
+        run.run(0.5)
+        assert run.refused == {"/odom: frame": 1}
+        assert run.world.state("rover").position[0] == pytest.approx(0.5 * 0.45 - 0.5 + 0.25, abs=0.03)
 
 
 def test_own_frames_come_back_as_over_dds(replay: Make) -> None:
@@ -201,10 +210,84 @@ def test_parameters_that_changed_while_recording_change_again(replay: Make) -> N
         run.set(physics__rate=-1.0)
 
 
+def test_a_place_of_the_code_is_not_logged_too_often() -> None:
+    clock, said = ReplayClock(0.0, simulated=False), list[str]()
+    log = Log(clock, said.append)
+    for clock.elapsed in (0.0, 1.0, 6.0):
+        log.warning("here", throttle_duration_sec=5.0)
+        log.error("there", throttle_duration_sec=5.0)
+    here, there = "[WARN] [{:.3f} s] here", "[ERROR] [{:.3f} s] there"
+    assert said == [text.format(time) for time in (0.0, 6.0) for text in (here, there)]
+
+
 def test_messages_of_another_type_are_refused(replay: Make) -> None:
     """What else is refused: test_command.py."""
-    with pytest.raises(InputError, match="heightmap has tf2_msgs/msg/TFMessage, and must have smartmesh_msgs/msg"):
-        replay([("heightmap", 0.0, TFMessage(transforms=[TransformStamped()]))])
+    for topic in ("heightmap", "/clock", "/parameter_events", "spawn_body/_service_event"):
+        with pytest.raises(InputError, match=f"{topic} has tf2_msgs/msg/TFMessage, and must have [a-z_]+/(msg|srv)/"):
+            replay([(topic, 0.0, TFMessage(transforms=[TransformStamped()]))])
+
+
+class CutOff(Messages):
+    """A recording of which all but the maps is cut off."""
+
+    def records(self, topics: Collection[str]) -> Iterator[Record]:
+        for one in super().records(topics):
+            yield one if one.topic.endswith("heightmap") else one._replace(data=one.data[:6])
+
+
+def test_messages_that_are_cut_off_are_refused_one_by_one(replay: Make) -> None:
+    others = [("/clock", 0.1, Clock()), ("/parameter_events", 0.2, ParameterEvent()), ("body_poses", 0.3, PoseArray())]
+    run = replay(CutOff([level(), *others], "/terrain_collider"), {"use_sim_time": True})
+    run.run()
+    assert run.refused == {f"{topic}: malformed": 1 for topic, *_ in others}
+
+
+@pytest.mark.parametrize(
+    ("message", "words"),
+    [
+        (("heightmap", 0.0, TFMessage(transforms=[TransformStamped()])),
+         "heightmap has tf2_msgs/msg/TFMessage, and must have smartmesh_msgs/msg/Heightmap"),
+        (("spawn_body", 0.0, SetBool.Request()), "has std_srvs/srv/SetBool_Event, and must have smartmesh_msgs/srv/"),
+        (("pause", 0.0, Clock()), "pause is a service: it takes std_srvs/srv/SetBool_Request, and was given a ros"),
+        (("pause", 0.0, SetBool.Response()), "pause was given a SetBool_Response; it must be a message or the request"),
+        (("pause", 0.0, {"data": True}), "pause was given a dict; it must be a message or the request of a service"),
+        (("pause", float("nan"), SetBool.Request()), "the time of /terrain_collider/pause is nan; it must be a number"),
+        (("hightmap", 0.0, level()[2]), "has no input or service hightmap; did you mean 'heightmap'"),
+        (("puse", 0.0, SetBool.Request()), "/terrain_collider has no input or service puse; did you mean 'pause'"),
+        (("/puse", 0.0, SetBool.Request()), "/terrain_collider has no input or service /puse; did you mean 'pause'"),
+    ],
+)  # fmt: skip
+def test_a_message_of_a_list_that_nothing_takes_is_refused(replay: Make, message: Message, words: str) -> None:
+    """What else is refused: test_command.py."""
+    with pytest.raises(InputError, match=re.escape(words)):
+        replay([level(), message])
+
+
+def test_parameters_may_be_in_groups_as_in_a_file(replay: Make) -> None:
+    run = replay([level()], {"physics": {"rate": 480.0, "gravity": [0.0, 0.0, -1.6]}, "terrain.settle": 0.1})
+    assert run.world.dt == pytest.approx(1.0 / 480.0) and run.world.config.physics.gravity == (0.0, 0.0, -1.6)
+
+
+def test_what_a_run_has_not_is_named_with_what_would_be_right(replay: Make) -> None:
+    run = replay([level()], {"publish.tf": 50.0, "use_sim_time": False}, keep=["contacts", "/tf", "/clock"])
+
+    def refuses(words: str, action: Callable[[], Any]) -> None:
+        with pytest.raises(InputError, match=re.escape(words)):
+            action()
+
+    refuses("no output contact; did you mean 'contacts'", lambda: replay([level()], keep=["contact"]))
+    refuses("'physics.rat' is unknown; did you mean", lambda: replay([level()], {"physics.rat": 480.0}))
+    refuses("'physics.rat' is unknown; did you mean", lambda: replay([level()], {"physics": {"rat": 480.0}}))
+    refuses("'physics.rat' is unknown; did you mean", lambda: run.set(physics__rat=480.0))
+    refuses("terrain.input is fixed after the start", lambda: run.set(terrain__input="image"))
+    refuses("no input hightmap; did you mean 'heightmap'", lambda: run.give("hightmap", level()[2]))
+    refuses("no input contacts; it has body_poses, heightmap, ", lambda: run.give("contacts", level()[2]))
+    refuses("takes smartmesh_msgs/msg/Heightmap, and was given a Clock", lambda: run.give("heightmap", Clock()))
+    refuses("no service puse; did you mean 'pause'", lambda: run.call("puse", SetBool.Request()))
+    refuses("pause takes std_srvs/srv/SetBool_Request, and was given a Clock", lambda: run.call("pause", Clock()))
+    refuses("joint_states is not kept; name it in keep=['joint_states']", lambda: run.received("joint_states"))
+    run.run(0.1)
+    assert not run.refused and run.world.dt == pytest.approx(1.0 / 240.0)
 
 
 def test_bytes_without_chance_are_those_of_the_message(replay: Make) -> None:

@@ -101,6 +101,24 @@ def test_ground_that_is_not_followed_is_measured_as_penetration(tmp_path: Path) 
     assert kept.cost > 0.0 and kept.longest > 0.0 and positions.keys() == {"ball", "crate"}
 
 
+def test_ground_that_was_taken_away_is_not_measured(tmp_path: Path) -> None:
+    """The crate falls where a tile was; the ball stays on another one."""
+    east = heightmap_message(np.zeros((41, 41)), origin=(-2.0, -2.0, 0.0), tile="east")
+    west = heightmap_message(np.zeros((41, 41)), origin=(-8.0, -2.0, 0.0), tile="west")
+    maps = [east, west, heightmap_message(np.empty((0, 0)), tile="west"), east]
+    bags.write(tmp_path / "bag", [(MAP, 0.3 * k, message) for k, message in enumerate(maps)])
+    spawn = [SPAWN[0].replace("0.25", "0.2"), SPAWN[1].replace("-1.0, 0.5", "-6.0, 0.0")]
+    figures, places = measure(open_case(str(tmp_path / "bag"), {"bodies.spawn": spawn}, [], None), {})
+    assert places["crate"][2] < 0.0
+    assert figures.penetration < 1e-3 and not figures.failed
+
+
+def test_steps_as_seldom_as_measurements_are_measured(tmp_path: Path) -> None:
+    case = open_case(recorded(tmp_path / "bag"), {"bodies.spawn": SPAWN}, [], None)
+    for rate in (10.0, 30.0):
+        assert math.isfinite(measure(case, {"physics.rate": rate})[0].penetration)
+
+
 def test_corrected_ground_is_the_one_that_the_node_shows(tmp_path: Path) -> None:
     """Noisy maps of ground at rest: bodies stand on what is shown, which no single map is."""
     rng, path = np.random.default_rng(3), tmp_path / "bag"
@@ -138,6 +156,7 @@ def test_a_signal_ends_the_search_and_its_processes(tmp_path: Path) -> None:
     [
         (["flat", "--budget", "0"], "--budget is 0; it must be a number greater than zero"),
         (["flat", "--jobs", "0"], "--jobs is 0"),
+        (["flat", "-p", "physics.rate:=fast"], "physics.rate is 'fast'; it must be of type float"),
         (["flat", "--preset", "swift"], "there is no preset 'swift'; choose accurate"),
         (["flat", "--out", "/proc/nowhere"], "nothing can be written in /proc/nowhere"),
         (["nowhere"], "no bag and no scene 'nowhere'; the scenes are crater"),

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
 from rclpy.serialization import serialize_message
+from visualization_msgs.msg import Marker
 
 from smartmesh_ros.tools.client.drawn_scene import drawn_scene
+from smartmesh_ros.tools.client.ground import Ground
 from smartmesh_ros.tools.client.remote import Remote
 from smartmesh_ros.tools.client.sight import Sight
-from smartmesh_ros.tools.testing import Probe, Process, points_of, pose_message
+from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, points_of, pose_message
 from tests.node.shared import on_level
 
 BODIES = [
@@ -29,8 +31,20 @@ def test_the_ground_is_read_from_between_all_other_markers() -> None:
     for scene in run.received("scene"):
         [ground] = [marker for marker in scene.markers if marker.points]
         assert np.array_equal(drawn_scene(serialize_message(scene))[0], points_of(ground))
-        scene.markers = [marker for marker in scene.markers if not marker.points]
+        scene.markers = [marker for marker in scene.markers if marker.action == Marker.ADD and not marker.points]
         assert drawn_scene(serialize_message(scene)) == (None, [])
+
+
+def test_ground_that_is_gone_is_shown_no_more() -> None:
+    run, ground = on_level(keep=("scene",)), Ground()
+    for is_there in (True, False):
+        run.run(run.time + 0.5)
+        corners, _ = drawn_scene(serialize_message(run.received("scene")[-1]))
+        ground.draw(corners)
+        assert bool(ground.shown) == is_there
+        run.give("heightmap", heightmap_message(np.zeros((0, 0))))
+    ground.draw(np.eye(4, 3))
+    assert len(ground.shown[""].triangles) == 1, "a point more than those of a triangle"
 
 
 def test_tracked_bodies_are_where_the_node_has_them_whatever_their_topics_frames_and_shapes() -> None:
