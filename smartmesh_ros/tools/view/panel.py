@@ -75,7 +75,7 @@ class Panel:
                 self._chart = Chart(gui)
             with gui.add_folder("Warnings and refusals"):
                 self._warnings = gui.add_markdown("none")
-        self._on(self._pause.on_click, lambda: self._call("pause", data=not remote.paused))
+        self._on(self._pause.on_click, lambda: self._call("pause", data=self._pause.label == "Pause"))
         self._on(step.on_click, lambda: self._call("step", steps=int(self._steps.value)))
         self._on(reset.on_click, lambda: self._call("reset"))
         self._on(look.on_click, lambda: cameras.look(remote.ground, remote.sight))
@@ -138,7 +138,7 @@ class Panel:
         elif np.isfinite(distance := self._remote.ground.distances(origin[None], direction[None])[0]):
             self._spawn(*(origin + distance * direction).tolist())
         else:
-            self._about.content = "There is no ground where you clicked."
+            self._selected, self._about.content = None, "There is no ground where you clicked."
 
     def _spawn(self, x: float, y: float, z: float) -> None:
         (kind, proportions, volume), size = SPAWNS[self._click.value], float(self._size.value)
