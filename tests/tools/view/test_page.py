@@ -64,7 +64,7 @@ def browser() -> Iterator[Any]:
     if path is None:
         pytest.skip(f"no Chromium is installed (Debian: apt install chromium), and {VARIABLE} names none")
     with playwright.sync_playwright() as driver:
-        running = driver.chromium.launch(executable_path=path, args=list(FLAGS))
+        running = driver.chromium.launch(executable_path=path, args=FLAGS)
         yield running
         running.close()
 
