@@ -8,12 +8,8 @@ import shutil
 # The environment variable overrides the names, of which the first installed one is used.
 VARIABLE = "SMARTMESH_BROWSER"
 NAMES = ("chromium", "chromium-browser", "google-chrome")
-# Render in software, without network access.
-FLAGS = (
-    "--no-sandbox", "--disable-gpu", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-    "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
-    "--disable-sync",
-)  # fmt: skip
+# Render in software. Playwright adds the flags of a browser without network access of its own.
+FLAGS = ["--disable-gpu", "--use-gl=angle", "--use-angle=swiftshader", "--disable-quic"]
 
 
 def find_browser() -> str | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
@@ -32,16 +31,14 @@ GREYNESS = 0.65
 SECTIONS = 24
 
 
-@dataclass(frozen=True)
-class Entry:
-    """Entry of a legend: its ``words``, its ``colour``, and the ``least`` value that it stands for."""
+class Legend(Enum):
+    """Entries with their ``words``, their ``colour``, and the ``least`` value that they stand for."""
 
-    words: str
-    colour: Colour
-    least: float = 0.0
+    def __init__(self, words: str, colour: Colour, least: float) -> None:
+        self.words, self.colour, self.least = words, colour, least
 
 
-class PatchLook(Entry, Enum):
+class PatchLook(Legend):
     """Entries of the patches' legend, those of maps by their least stride [samples]."""
 
     SAMPLES = "samples of a map", (240, 120, 20), 1
@@ -72,11 +69,6 @@ def body_colours(kind: int, tracked: bool, asleep: list[bool]) -> NDArray[np.uin
     own = np.array(TRACKED if tracked else BODY_COLOURS.get(kind, TRACKED))
     grey = (1.0 - GREYNESS) * own + GREYNESS * np.array(ASLEEP)
     return np.rint(np.where(np.array(asleep)[:, None], grey, own)).astype(np.uint8)
-
-
-def with_edges(mesh: Any) -> Any:
-    """Return a mesh with separate vertices on either side of each sharp edge, so that shading is not smoothed there."""
-    return trimesh.graph.smooth_shade(mesh, angle=math.radians(40.0))
 
 
 def arrows(contacts: FloatArray, length: float) -> FloatArray:

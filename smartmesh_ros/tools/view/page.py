@@ -34,12 +34,14 @@ class Page:
         self.url = url_of(host, self._server.get_port())
 
     def close(self) -> None:
-        """Stops serving."""
-        stop_server(self._server)
+        """Stop serving, without viser's own output."""
+        with redirect_stdout(io.StringIO()):
+            self._server.stop()
 
     def refresh(self) -> None:
         """Refresh the page. If no browser is connected, unsubscribe from the node's outputs instead."""
-        # By the thread that sends to browsers: viser may fail if another one queues messages meanwhile.
+        # By the thread that sends to browsers, which sends nothing meanwhile: viser may fail if another one queues
+        # messages while it sends.
         run_coroutine_threadsafe(self._refresh(), self._server.get_event_loop()).result()
 
     async def _refresh(self) -> None:
@@ -79,9 +81,3 @@ def start_server(host: str, port: int, label: str | None = None) -> Any:
 async def _listen(host: str) -> None:
     """Listen once as viser does, which would wait forever where that fails."""
     (await get_running_loop().create_server(Protocol, host, 0)).close()
-
-
-def stop_server(server: Any) -> None:
-    """Stop a server, without viser's own output."""
-    with redirect_stdout(io.StringIO()):
-        server.stop()

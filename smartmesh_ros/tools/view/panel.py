@@ -15,7 +15,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.client.remote import Remote
 from smartmesh_ros.tools.messages import pose_message
 from smartmesh_ros.tools.view.camera import Cameras
-from smartmesh_ros.tools.view.looks import Entry, PatchLook
+from smartmesh_ros.tools.view.looks import Legend, PatchLook
 from smartmesh_ros.tools.view.scene import Scene
 from smartmesh_ros.tools.view.terrain_scene import Depth, Give, Grip
 
@@ -56,12 +56,12 @@ class Panel:
             look = gui.add_button("Look at the bodies", color="gray")
             with gui.add_folder("Patches"):
                 gui.add_html(_legend(PatchLook))
-                contacts = gui.add_checkbox("contacts", True, hint="Arrows: the larger the force, the longer.")
+                self._contacts = gui.add_checkbox("contacts", True, hint="Arrows: the larger the force, the longer.")
                 shadows = gui.add_checkbox("shadows", False, hint="Slow without a graphics card.")
             with gui.add_folder("Ground", expand_by_default=False):
                 gui.add_html(_legend(Grip))
                 gui.add_html(_legend(Give))
-                sunk = gui.add_checkbox("sunk ground", False, hint="It lies below its first map, such as ruts.")
+                self._sunk = gui.add_checkbox("sunk ground", False, hint="It lies below its first map, such as ruts.")
                 gui.add_html(_legend(Depth))
             with gui.add_folder("Step and reset", expand_by_default=False):
                 self._steps = gui.add_number("steps", 1, min=1, max=100_000, step=1)
@@ -75,19 +75,18 @@ class Panel:
                 self._chart = Chart(gui)
             with gui.add_folder("Warnings and refusals"):
                 self._warnings = gui.add_markdown("none")
-        self._on(self._pause.on_click, lambda: self._call("pause", data=not remote.paused))
+        self._on(self._pause.on_click, lambda: self._call("pause", data=self._pause.label == "Pause"))
         self._on(step.on_click, lambda: self._call("step", steps=int(self._steps.value)))
         self._on(reset.on_click, lambda: self._call("reset"))
         self._on(look.on_click, lambda: cameras.look(remote.ground, remote.sight))
         self._on(shadows.on_update, lambda: scene.light(shadows=shadows.value))
-        self._on(contacts.on_update, lambda: setattr(scene, "show_contacts", contacts.value))
-        self._on(sunk.on_update, lambda: setattr(scene, "show_sunk", sunk.value))
         server.scene.on_click()(lambda event: self._actions.put(lambda: self._clicked(event)))
 
     def update(self) -> None:
         """Run the user's actions, and show the node's state."""
         while not self._actions.empty():
             self._actions.get()()
+        self._scene.show_contacts, self._scene.show_sunk = self._contacts.value, self._sunk.value
         remote = self._remote
         self._status.content = self._status_words()
         self._pause.label = "Continue" if remote.paused else "Pause"
@@ -138,7 +137,7 @@ class Panel:
         elif np.isfinite(distance := self._remote.ground.distances(origin[None], direction[None])[0]):
             self._spawn(*(origin + distance * direction).tolist())
         else:
-            self._about.content = "There is no ground where you clicked."
+            self._selected, self._about.content = None, "There is no ground where you clicked."
 
     def _spawn(self, x: float, y: float, z: float) -> None:
         (kind, proportions, volume), size = SPAWNS[self._click.value], float(self._size.value)
@@ -166,11 +165,11 @@ class Panel:
         self._about.content = "\n\n".join([f"**{name}** at {x:.2f}, {y:.2f}, {z:.2f} m", *lines])
 
 
-def _legend(entries: type[Entry]) -> str:
+def _legend(entries: type[Legend]) -> str:
     rows = "".join(
         f'<div style="margin:1px 12px"><span style="display:inline-block;width:12px;height:12px;margin-right:8px;'
         f'background:rgb{entry.colour}"></span>{entry.words}</div>'
-        for entry in entries  # type: ignore[attr-defined]
+        for entry in entries
     )
     return f'<div style="font-size:12px;line-height:1.3">{rows}</div>'
 

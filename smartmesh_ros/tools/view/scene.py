@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 from smartmesh_msgs.msg import BodyDescription
 
@@ -40,7 +41,6 @@ class Scene:
         self.show_contacts = True
         self.show_sunk = False
         scene = self._scene
-        scene.set_up_direction("+z")
         scene.configure_environment_map(None)
         scene.configure_default_lights(enabled=False)
         scene.add_light_hemisphere("/lights/sky", sky_color=SKY, ground_color=(170, 158, 142), intensity=1.7)
@@ -52,14 +52,12 @@ class Scene:
 
     def show(self, ground: Ground, sight: Sight) -> None:
         """Refresh the whole scene."""
-        positions, radii = sight.bodies
-        with self._server.atomic():
-            patches = list(sight.patches.values())
-            self._terrain.show(ground, positions, radii, patches, sunk=self.show_sunk)
-            self._patches.show(patch_meshes(patches, ground))
-            self._show_robots(sight)
-            self._show_bodies(sight)
-            self._show_contacts(sight, float(np.median(radii)) if len(radii) else DEFAULT_RADIUS)
+        (positions, radii), patches = sight.bodies, list(sight.patches.values())
+        self._terrain.show(ground, positions, radii, patches, sunk=self.show_sunk)
+        self._patches.show(patch_meshes(patches, ground))
+        self._show_robots(sight)
+        self._show_bodies(sight)
+        self._show_contacts(sight, float(np.median(radii)) if len(radii) else DEFAULT_RADIUS)
 
     @property
     def faults(self) -> list[str]:
@@ -88,7 +86,7 @@ class Scene:
             colours = looks.body_colours(kind, tracked, [name in sight.asleep for name in names])
             batch = self._bodies.get(shape)
             if batch is None or len(batch.batched_positions) != len(names):
-                mesh = looks.with_edges(looks.shape_mesh(kind, dimensions))
+                mesh = looks.shape_mesh(kind, dimensions).smooth_shaded  # but for edges, whose vertices are separate
                 sizes = "_".join(map(str, dimensions))
                 batch = self._bodies[shape] = self._scene.add_batched_meshes_simple(
                     f"/bodies/{kind}_{sizes}{'_tracked' * tracked}", mesh.vertices, mesh.faces, turns,
@@ -124,9 +122,8 @@ def patch_meshes(patches: Iterable[Patch], ground: Ground) -> dict[str, Mesh]:
             groups[root, looks.patch_look(patch.kind, patch.stride)].append((vertices, patch.triangles))
     meshes = {}
     for (root, look), group in groups.items():
-        starts = np.cumsum([0, *(len(vertices) for vertices, _ in group)])
-        triangles = np.concatenate([part + start for (_, part), start in zip(group, starts, strict=False)])
-        vertices = np.nan_to_num(np.concatenate([vertices for vertices, _ in group]) + LIFT).astype(np.float32)
+        vertices, triangles = trimesh.util.append_faces(*zip(*group, strict=True))
+        vertices = np.nan_to_num(vertices + LIFT).astype(np.float32)
         path = f"{root}/patches/{look.name.lower()}"
         meshes[path] = Mesh(vertices, triangles.astype(np.uint32), look.colour, "double")
     return meshes

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
-from enum import Enum
 from time import monotonic
 from typing import Any, Literal, NamedTuple
 from urllib.parse import quote
@@ -13,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.terrain.colours import FRICTION, GROUND, Colour
-from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
+from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.client.ground import Ground
 from smartmesh_ros.tools.client.patch import Patch
 from smartmesh_ros.tools.client.sight import Pose
 from smartmesh_ros.tools.view.decimation import decimate
-from smartmesh_ros.tools.view.looks import Entry
+from smartmesh_ros.tools.view.looks import Legend
 
 # Height at which the colours of ground are drawn above it [m], below patches.
 LIFT = np.array([0.0, 0.0, 0.003], np.float32)
@@ -29,7 +28,7 @@ LIFT = np.array([0.0, 0.0, 0.003], np.float32)
 SEEN = 1e-3
 
 
-class Depth(Entry, Enum):
+class Depth(Legend):
     """Entries of the legend of sunk ground."""
 
     SLIGHT = "1 to 5 mm", (250, 226, 150), 0.001
@@ -38,7 +37,7 @@ class Depth(Entry, Enum):
     DEEPEST = "more than 40 mm", (158, 38, 34), 0.04
 
 
-class Grip(Entry, Enum):
+class Grip(Legend):
     """Entries of the legend of the ground's friction; 1 has the colour of ground."""
 
     ICE = "friction below 0.3", FRICTION[0.0], 0.0
@@ -47,15 +46,12 @@ class Grip(Entry, Enum):
     ROUGH = "more than 1", FRICTION[1.0], 1.0
 
 
-class Give(Entry, Enum):
+class Give(Legend):
     """Entries of the legend of ground that gives, by its depth under a pressure of 1 kPa [mm]."""
 
     FIRM = "gives 0.1 to 1 mm under 1 kPa", (186, 214, 160), 0.1
     SOFT = "1 to 10 mm", (134, 188, 108), 1.0
     SOFTEST = "more than 10 mm", (78, 148, 66), 10.0
-
-
-Bands = type[Depth] | type[Grip] | type[Give]
 
 
 class Mesh(NamedTuple):
@@ -97,8 +93,8 @@ PERIOD = 0.5
 class TerrainScene:
     """Draws the tiles of a `Ground` in a viser scene."""
 
-    def __init__(self, scene: Any, period: float = PERIOD) -> None:
-        self._scene, self._meshes, self._period = scene, Meshes(scene), period
+    def __init__(self, scene: Any) -> None:
+        self._scene, self._meshes = scene, Meshes(scene)
         self._frames: dict[str, Any] = {}  # of decks
         self._reliefs: dict[str, _Relief] = {}
 
@@ -120,7 +116,7 @@ class TerrainScene:
                 continue
             relief = self._reliefs.get(name)
             if relief is None or (relief.geometry, relief.root) != (tile.geometry, root):
-                relief = self._reliefs[name] = _Relief(root, path, tile.geometry, self._period)
+                relief = self._reliefs[name] = _Relief(root, path, tile.geometry)
             if not deck:
                 relief.follow(tile, of_tile[name])
             near = ground.frames[deck].inside(bodies) if deck else bodies
@@ -140,8 +136,8 @@ class TerrainScene:
 class _Relief:
     """A height map as a decimated mesh. What was made is kept while neither the map nor the bodies have changed."""
 
-    def __init__(self, root: str, path: str, geometry: GridGeometry, period: float) -> None:
-        self.root, self._path, self.geometry, self._period = root, path, geometry, period
+    def __init__(self, root: str, path: str, geometry: GridGeometry) -> None:
+        self.root, self._path, self.geometry = root, path, geometry
         self._centres, self._due = np.full((1, 2), np.inf), 0.0
         self._made: dict[str, Mesh] = {}
         # Revision of the map, whether sunk ground was coloured, and the heights under patches.
@@ -184,7 +180,7 @@ class _Relief:
             triangles = triangles[~holes[triangles].any(axis=1)]
         vertices = np.column_stack([self._xy, z]).astype(np.float32)
         yield self.root + self._path, Mesh(vertices, triangles, GROUND)
-        coloured: list[tuple[str, Bands, FloatArray]] = []
+        coloured: list[tuple[str, type[Legend], FloatArray]] = []
         stiffness = tile.material.stiffness
         if stiffness is not None:
             gives = 1e6 / np.broadcast_to(np.asarray(stiffness, np.float64), tile.heights.shape)[place]
@@ -211,13 +207,13 @@ class _Relief:
         same = len(centres) == len(self._centres) and (np.abs(centres - self._centres) < 0.25 * near[:, None]).all()
         if same or monotonic() < self._due:
             return False
-        self._due, self._centres = monotonic() + self._period, centres
+        self._due, self._centres = monotonic() + PERIOD, centres
         self._surface = decimate((geometry.rows, geometry.columns), centres, near)
         self._xy = geometry.to_world(self._surface.rows, self._surface.columns)
         return True
 
 
-def triangles_by_band(values: FloatArray, triangles: NDArray[Any], bands: Bands) -> Iterator[tuple[Any, NDArray[Any]]]:
+def triangles_by_band(values: FloatArray, triangles: IntArray, bands: type[Legend]) -> Iterator[tuple[Any, IntArray]]:
     """Yield each band that there is, and its triangles (n, 3), by the corner with the largest of the ``values`` (V,) of
     the vertices. Triangles with a NaN, or below the first band, are left out."""
     largest = np.nan_to_num(values[triangles].max(axis=1), nan=-np.inf)

@@ -24,11 +24,11 @@ def remote(domain: int) -> Iterator[Remote]:
 def server() -> Iterator[Any]:
     """A viser server without a browser."""
     pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")
-    from smartmesh_ros.tools.view.page import start_server, stop_server
+    from smartmesh_ros.tools.view.page import start_server
 
     made = start_server("127.0.0.1", 0)
     yield made
-    stop_server(made)
+    made.stop()
 
 
 @pytest.fixture

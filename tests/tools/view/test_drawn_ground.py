@@ -93,7 +93,7 @@ def test_every_triangle_that_sank_has_the_colour_of_its_deepest_corner() -> None
 @pytest.mark.parametrize("topic", ["heightmap_update", "pressed_ground"])
 def test_ruts_are_coloured_while_that_is_asked_for(server: Any, drawn: Any, topic: str) -> None:
     ground = ground_of(np.full((40, 40), 3.0), resolution=0.1)
-    scene = TerrainScene(server.scene, period=0.0)
+    scene = TerrainScene(server.scene)
 
     def colours(*, sunk: bool) -> set[str]:
         scene.show(ground, np.zeros((0, 3)), np.zeros(0), [], sunk=sunk)
@@ -113,7 +113,7 @@ def test_ruts_are_coloured_while_that_is_asked_for(server: Any, drawn: Any, topi
 def test_ground_of_another_material_than_usual_is_coloured_where_it_lies(server: Any, drawn: Any) -> None:
     """The ground of a map that scrolls keeps it; new ground is usual."""
     ground = ground_of(np.zeros((40, 40)), resolution=0.1)
-    scene = TerrainScene(server.scene, period=0.0)
+    scene = TerrainScene(server.scene)
 
     def coloured(x: float = 0.0, **material: Any) -> dict[str, tuple[float, float]]:
         """Names of the colours, and from where to where along x [m]."""
@@ -142,7 +142,7 @@ def test_ground_of_another_material_than_usual_is_coloured_where_it_lies(server:
 def test_no_ground_is_drawn_over_a_patch_that_has_moved_since_the_map(server: Any, drawn: Any) -> None:
     """Below it, at the same samples; the ground elsewhere stays."""
     ground = ground_of(np.random.default_rng(0).normal(scale=0.1, size=(40, 40)), resolution=0.1)
-    scene = TerrainScene(server.scene, period=0.0)
+    scene = TerrainScene(server.scene)
     tile, (r, c) = ground.tiles[""], np.divmod(np.arange(49), 7)
     rows, columns = 20 + r - 3, 12 + c - 3
     places = tile.geometry.to_world(rows, columns)
