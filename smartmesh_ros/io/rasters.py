@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.terrain.checked_heights import unmasked
 from smartmesh_ros.terrain.grid import GridGeometry, geometry_of
 from smartmesh_ros.terrain.material import MOST_SOILS, Material, require_layer
 
@@ -80,7 +81,7 @@ class RasterConfig:
 def scaled(values: NDArray[Any], config: RasterConfig) -> FloatGrid:
     """Return values as heights [m]; non-finite values become holes."""
     with np.errstate(over="ignore", invalid="ignore"):  # too large values become infinity, and so holes
-        heights = values.astype(np.float32)
+        heights = unmasked(values).astype(np.float32)
         if config.scale != 1.0:
             heights *= np.float32(config.scale)
         if config.offset != 0.0:
@@ -92,6 +93,9 @@ def scaled(values: NDArray[Any], config: RasterConfig) -> FloatGrid:
 
 def from_image(values: NDArray[Any], config: RasterConfig) -> Raster:
     """Return an image of heights (rows, columns) as a raster, placed by the configuration."""
+    if values.ndim != 2:
+        raise InputError("length", f"the image has shape {values.shape}; heights need one channel: (rows, columns)")
+    values = unmasked(values)
     heights = scaled(values, config)
     if config.zero_is_hole:
         heights[values == 0] = np.nan
@@ -117,6 +121,7 @@ def from_grid_map(
     A grid map is a circular buffer: ``start`` is the index of its first cell in space, and scrolling moves ``start``
     instead of the cells. ``centre`` (x, y) [m]: middle of the map. Heights belong to the centres of cells.
     """
+    cells, variances = unmasked(cells), None if variances is None else unmasked(variances)
     along_x, along_y = cells.shape
     if not (0 <= start[0] < along_x and 0 <= start[1] < along_y):
         raise InputError("region", f"the circular buffer starts at {start}, outside its {along_x} x {along_y} cells")
@@ -166,6 +171,7 @@ def from_cells(heights: FloatGrid, *, corner: tuple[float, float, float], yaw: f
 
 def from_points(points: NDArray[np.float64], config: RasterConfig) -> Raster:
     """Return an organised cloud (rows, columns, 3) [m] over a uniform grid as a raster; NaN points become holes."""
+    points = unmasked(points)
     with np.errstate(all="ignore"):
         known = np.isfinite(points.sum(axis=2))
     first, along_columns, along_rows = _fitted_grid(points, known)

@@ -1,6 +1,6 @@
 """Surfaces as others keep them, against their definitions.
 
-Of masked arrays, cells without data are holes, whatever number lies below the mask.
+Masked arrays: cells without data are holes, whatever number lies below the mask.
 """
 
 import math
@@ -20,18 +20,18 @@ PLAIN = RasterConfig()
 CELLS = np.arange(20.0, dtype=np.float32).reshape(5, 4)
 
 
-@pytest.mark.parametrize("missing", [NAN, math.inf, -math.inf])
-def test_what_is_missing_is_a_hole_in_every_raster_whatever_lies_there(missing: float) -> None:
-    cells = CELLS.copy()
+@pytest.mark.parametrize("missing", [NAN, math.inf, -math.inf, np.ma.masked])
+def test_what_is_missing_is_a_hole_in_every_raster_whatever_lies_there(missing: Any) -> None:
+    cells = np.ma.array(CELLS, copy=True)
     cells[1, 2] = missing
     image = from_image(cells, PLAIN)
     np.testing.assert_array_equal(np.isnan(image.heights[::-1]), np.isin(CELLS, 6.0))
     layer = from_grid_map(cells, start=(3, 0), centre=(0.0, 0.0), resolution=1.0, config=PLAIN, variances=cells)
     assert np.isnan(layer.heights).sum() == (~np.isfinite(layer.variances)).sum() == 1
-    y, x = np.mgrid[:5, :4].astype(np.float64)
+    y, x = np.ma.array(np.mgrid[:5, :4].astype(np.float64))
     x[0, 1], y[0, 1], cells[0, 1] = 99.0, -99.0, missing
     x[1, 2] = y[1, 2] = missing
-    cloud = from_points(np.stack([x, y, cells], axis=-1), PLAIN)
+    cloud = from_points(np.ma.stack([x, y, cells], axis=-1), PLAIN)
     np.testing.assert_array_equal(np.isnan(cloud.heights), np.isin(CELLS, (6.0, 1.0)))
     assert cloud.geometry.origin == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
 
