@@ -47,7 +47,7 @@ class TriangleMesh(MovingGround):
         self._velocities = self.core_reader.velocities
         self._offsets, self._rates = self.core_reader.offsets, self.core_reader.rates
         self._clocks = self.core_reader.clocks.view(CLOCK)[..., 0]
-        self._clocks["time"] = time
+        self._clocks["time"] = self._clocks["opened"] = time
         self._motion = checked_motion(motion)
         self._set_motion()
         self.version = 0

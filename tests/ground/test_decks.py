@@ -148,6 +148,40 @@ def test_the_walls_of_a_deck_are_as_high_as_it_is_thick(shape: Shape) -> None:
         assert world.state("at the wall").position[0] == pytest.approx(2.2, abs=1e-3)
 
 
+def cabin() -> TriangleMesh:
+    """A closed room of 2 m, whose inner sides count."""
+    corners = np.array([(x, y, z) for z in (0, 2) for y in (-1, 1) for x in (-1, 1)], float)
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return TriangleMesh(corners, np.array([[a, *pair] for a, b, c, d in sides for pair in ((b, c), (c, d))]))
+
+
+@pytest.mark.parametrize("thickness", [math.inf, 0.1])
+def test_a_cabin_that_rises_carries_what_is_inside_and_holds_it_back_at_its_roof(thickness: float) -> None:
+    deck = Deck(cabin(), thickness=thickness)
+    with on_deck(deck) as world:
+        world.spawn("rests", Sphere(0.1), 1.0, BodyState((0.4, 0.2, 0.1)))
+        world.spawn("jumps", Sphere(0.1), 1.0, BodyState((-0.4, 0.2, 0.1), linear=(0.0, 0.0, 9.0)))
+        for _ in range(480):
+            deck.move((0.0, 0.0, 0.5 * world.time), time=world.time)
+            world.step()
+            assert world.state("jumps").position[2] < 1.9 + 0.5 * world.time + 1e-3
+        heights = [world.state(name).position[2] for name in ("rests", "jumps")]
+        assert heights == pytest.approx([1.1, 1.1], abs=1e-3)
+        assert world.rescues == 0
+
+
+def test_a_ball_that_is_thrown_at_a_deck_upside_down_stays_below_it() -> None:
+    deck = Deck(a_map(), thickness=0.3, position=(0.0, 0.0, 2.0), orientation=(1.0, 0.0, 0.0, 0.0))
+    with on_deck(deck) as world:
+        world.spawn("ball", Sphere(0.1), 1.0, BodyState((0.1, 0.1, 0.5), linear=(0.0, 0.0, 6.0)))
+        highest = 0.0
+        for _ in range(240):
+            world.step()
+            highest = max(highest, world.state("ball").position[2])
+        assert highest == pytest.approx(1.9, abs=1e-2)
+        assert world.rescues == 0
+
+
 def test_queries_rays_and_scans_see_a_deck_where_it_is_at_an_instant(client: Any) -> None:
     ship, rng, time = Ship(), np.random.default_rng(2), 1.3
     terrain = terrain_of(sea=level(11, 2.0), deck=(deck := Deck(a_map())))

@@ -13,12 +13,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from smartmesh_ros import HeightMap
+from smartmesh_ros import HeightMap, Terrain
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.grid_track import moved_on
 from smartmesh_ros.terrain.motion import INTERVALS_KEPT, MotionConfig, MotionMode
+from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.examples import examples
-from tests.terrain.surfaces import told
+from tests.terrain.surfaces import mesh_of, told
 
 SIDE = 70  # more than a block
 INTERVAL = 0.05
@@ -113,6 +114,20 @@ def test_ground_that_rises_evenly_does_so_whatever_the_stamps(shares: list[float
     heightmap = rising(np.cumsum([INTERVAL, *(INTERVAL * share for share in shares)]), speed)
     found = heightmap.sample(SAMPLES, heightmap.time)
     np.testing.assert_allclose(found.velocities, speed, atol=1e-4 + 0.09 * abs(speed))
+
+
+@pytest.mark.parametrize("start", [-10.0, 0.0, 10.0])
+@pytest.mark.parametrize("is_mesh", [False, True])
+def test_ground_that_rises_has_its_velocity_whenever_it_began(start: float, is_mesh: bool) -> None:
+    ground: HeightMap | TriangleMesh = HeightMap(np.zeros((5, 5)), resolution=1.0, time=start)
+    if is_mesh:
+        ground = mesh_of(ground, time=start)
+    for k in range(1, 4):
+        if isinstance(ground, TriangleMesh):
+            ground.move(ground.vertices + [0.0, 0.0, 0.1], time=start + 0.1 * k)
+        else:
+            ground.replace(np.full((5, 5), 0.1 * k), time=start + 0.1 * k)
+    assert Terrain(ground).at([[2.0, 2.0]], start + 0.3).velocities == pytest.approx([1.0])
 
 
 def test_maps_are_missed_after_the_longest_gap_of_late() -> None:

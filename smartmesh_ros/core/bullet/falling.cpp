@@ -14,7 +14,7 @@ std::pair<std::vector<int>, std::vector<int>> check_falls(const Instant& now, At
       Slot& slot = attached.slots[k];
       if (!slot.kind.is_own || slot.rest.asleep || slot.object == nullptr) continue;
       const Vec3 at = from_bullet(slot.object->getWorldTransform().getOrigin());
-      const double ground = reader.at(at.x, at.y).height;
+      const double ground = reader.highest(at.x, at.y).height;
       const bool is_over = !std::isnan(ground);
       if (is_over || std::isnan(slot.last_ground.z)) slot.last_ground = {at.x, at.y, is_over ? ground : at.z};
       const double under = slot.last_ground.z - at.z;

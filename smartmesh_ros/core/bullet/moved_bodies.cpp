@@ -77,13 +77,11 @@ std::vector<bool> find_touching(const Instant& now, Attached& attached) {
 }
 
 // Returns the ground above a point `inside` a part of a PyBullet `body` at the instant of `reader`; height NaN if the
-// point is not below the ground, beside the decks that the body carries. Ground of meshes above the point counts only
-// where there is none below it. The centre of mass of a link is no measure, nor is the middle of what bounds it: they
-// may be beside the link's shape, and below the ground without harm.
+// point is not below the ground, beside the decks that the body carries. The centre of mass of a link is no measure,
+// nor is the middle of what bounds it: they may be beside the link's shape, and below the ground without harm.
 GroundPoint ground_above(GroundReader& reader, const Vec3& inside, int body) {
   if (!std::isfinite(inside.x + inside.y + inside.z)) return NO_GROUND;
-  GroundPoint ground = reader.at(inside.x, inside.y, inside.z, inside.z, body);
-  if (std::isnan(ground.height)) ground = reader.at(inside.x, inside.y, ABOVE_ALL, inside.z, body);
+  const GroundPoint ground = reader.near(inside, body);
   return inside.z < ground.height ? ground : NO_GROUND;
 }
 

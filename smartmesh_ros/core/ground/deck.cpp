@@ -22,7 +22,7 @@ Bounds Deck::local_bounds(const Pose& pose, const Bounds& bounds) {
 
 bool Deck::is_above(const Vec3& p, double time) const {
   if (std::isinf(thickness)) return false;
-  return tiles.reader(time, INSTANT).at(p.x, p.y).height - p.z > thickness;
+  return tiles.reader(time, INSTANT).near(p).height - p.z > thickness;
 }
 
 void Deck::add_ground_under(const Bounds& bounds, double time, GroundUnder& found) {
@@ -59,6 +59,13 @@ GroundSample DeckReader::below(const Vec3& p) {
   const GroundSample here = ground.below({local.x, local.y, local.z + ABOVE});
   const Vec3 own = std::isnan(here.height) ? Vec3{} : frame.pose.rotation * here.velocity;
   return {at.z, hit.normal, frame.velocity_at(at) + own, here.age, here.friction};
+}
+
+GroundSample DeckReader::near(const Vec3& p) {
+  const GroundSample here = below(p);
+  const Vec3 local = frame.pose.to_local({p.x, p.y, std::min(p.z, HIGHEST)});
+  if (!std::isnan(here.height) || !(local.z < ground.near(local).height)) return here;
+  return below({p.x, p.y, p.z + deck->thickness});
 }
 
 }  // namespace smartmesh

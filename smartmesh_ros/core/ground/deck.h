@@ -39,6 +39,9 @@ struct DeckReader {
   RayHit first_hit(const Ray& ray);
   // Returns the highest ground at (p.x, p.y) that is at most as high as `p`.
   GroundSample below(const Vec3& p);
+  // Returns the ground below `p`; where there is none, and `p` is below the deck as seen in the deck's frame, the
+  // highest that is not farther above `p` than the deck is thick.
+  GroundSample near(const Vec3& p);
 };
 
 }  // namespace smartmesh

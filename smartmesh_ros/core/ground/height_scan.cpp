@@ -48,7 +48,7 @@ void scan(GroundReader& ground, const double* pose, const double* pattern, std::
       heights[k] = height_inside(*map, place);
       if (!std::isnan(heights[k])) continue;
     }
-    heights[k] = ground.at(x + u * cos - v * sin, y + u * sin + v * cos).height;
+    heights[k] = ground.highest(x + u * cos - v * sin, y + u * sin + v * cos).height;
   }
 }
 

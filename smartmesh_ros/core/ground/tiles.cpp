@@ -14,19 +14,25 @@ bool is_above(double height, double other) { return !(height <= other) && !std::
 
 }  // namespace
 
-GroundPoint GroundReader::at(double x, double y, double z, double of_decks, int body) {
+GroundPoint GroundReader::at(double x, double y, double z) {
   const GridFacet tile = tiles.at(x, y).facet;
   GroundPoint found{tile.height, {0.0, 0.0, tile.velocity}};
   for (MeshReader& mesh : meshes)
     if (const GroundSample here = mesh.below(x, y, z); is_above(here.height, found.height))
       found = {here.height, here.velocity};
-  if (decks == nullptr) return found;
-  for (DeckReader& deck : *decks) {
-    if (deck.deck->body == body) continue;
-    const GroundSample here = deck.below({x, y, of_decks + deck.deck->thickness});
-    if (is_above(here.height, found.height)) found = {here.height, here.velocity};
-  }
   return found;
+}
+
+GroundPoint GroundReader::near(const Vec3& p, int body) {
+  GroundPoint found = at(p.x, p.y, p.z);
+  if (decks != nullptr) {
+    for (DeckReader& deck : *decks) {
+      if (deck.deck->body == body) continue;
+      if (const GroundSample here = deck.near(p); is_above(here.height, found.height))
+        found = {here.height, here.velocity};
+    }
+  }
+  return std::isnan(found.height) ? at(p.x, p.y) : found;
 }
 
 GroundSample GroundReader::below(const Vec3& p) {

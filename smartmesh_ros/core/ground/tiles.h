@@ -31,9 +31,14 @@ struct GroundReader {
   std::vector<MeshReader> meshes;
   std::shared_ptr<std::vector<DeckReader>> decks;
 
-  // Returns the highest ground at (x, y). Ground of meshes above `z` [m] does not count, nor that of decks farther
-  // above `of_decks` [m] than they are thick, nor of those that a PyBullet `body` carries, NOBODY = all count.
-  GroundPoint at(double x, double y, double z = ABOVE_ALL, double of_decks = ABOVE_ALL, int body = NOBODY);
+  // Returns the highest ground of maps and meshes at (x, y). Ground of meshes above `z` [m] does not count.
+  GroundPoint at(double x, double y, double z = ABOVE_ALL);
+
+  // Returns the highest ground over or under `p`, beside the decks that a PyBullet `body` carries. Ground of meshes
+  // above `p` counts only where there is none below, that of decks as in DeckReader::near.
+  GroundPoint near(const Vec3& p, int body = NOBODY);
+  // Returns the highest ground at (x, y), also of decks.
+  GroundPoint highest(double x, double y) { return near({x, y, ABOVE_ALL}); }
 
   // Returns the highest ground of maps, meshes and decks that is not above `p`, as sensors see it.
   GroundSample below(const Vec3& p);

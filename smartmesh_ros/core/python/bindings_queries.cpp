@@ -24,7 +24,7 @@ auto ground_heights(const KeptTiles& tiles, Rows<const Place> points, double tim
   std::vector<double> heights(points.size()), velocities(points.size());
   for (std::size_t k = 0; k < points.size(); ++k) {
     const auto& [x, y] = points[k];
-    const GroundPoint ground = std::isfinite(x) && std::isfinite(y) ? reader.at(x, y) : GroundPoint{NONE, {}};
+    const GroundPoint ground = std::isfinite(x) && std::isfinite(y) ? reader.highest(x, y) : GroundPoint{NONE, {}};
     heights[k] = ground.height, velocities[k] = ground.velocity.z;
   }
   return std::make_tuple(array_of(std::move(heights)), array_of(std::move(velocities)));
