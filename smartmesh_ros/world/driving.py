@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import pybullet as pb
 
-from smartmesh_ros.errors import InputError, as_float, require
+from smartmesh_ros.errors import InputError, as_float, require, suggestion
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.followers import Belt
 from smartmesh_ros.ground.ground import Ground
@@ -248,7 +248,7 @@ class Driving:
         try:
             return self.bodies[name]
         except KeyError:
-            raise InputError("unknown_body", f"there is no body {name!r}") from None
+            raise InputError("unknown_body", f"there is no body {name!r}{suggestion(str(name), self.bodies)}") from None
 
 
 def links_of(body: Body) -> dict[int, str]:
