@@ -21,28 +21,31 @@ class GroundAlgorithm final : public btCollisionAlgorithm {
   GroundAlgorithm(const btCollisionAlgorithmConstructionInfo& info, BulletWorld* world, bool swapped)
       : btCollisionAlgorithm(info), world_(world), swapped_(swapped) {}
   ~GroundAlgorithm() override {
-    if (manifold_ != nullptr) m_dispatcher->releaseManifold(manifold_);
+    for (btPersistentManifold* manifold : {with_ground_, with_soil_})
+      if (manifold != nullptr) m_dispatcher->releaseManifold(manifold);
   }
 
   void processCollision(const btCollisionObjectWrapper* a, const btCollisionObjectWrapper* b,
                         const btDispatcherInfo& info, btManifoldResult* result) override {
     const btCollisionObjectWrapper &body = swapped_ ? *b : *a, &ground = swapped_ ? *a : *b;
     Slot* slot = world_->attached.slot_of(*ground.getCollisionObject());
-    if (slot == nullptr || slot->object != body.getCollisionObject()) {
-      if (manifold_ != nullptr) manifold_->setNumContacts(0);
-      return;
-    }
-    if (manifold_ == nullptr)
-      manifold_ = m_dispatcher->getNewManifold(a->getCollisionObject(), b->getCollisionObject());
-    result->setPersistentManifold(manifold_);
+    const bool is_attached = slot != nullptr && slot->object == body.getCollisionObject();
+    const bool has_soil = world_->now.soil != nullptr;
+    const auto made = [&] { return m_dispatcher->getNewManifold(a->getCollisionObject(), b->getCollisionObject()); };
+    if (is_attached && with_ground_ == nullptr) with_ground_ = made();
+    if (is_attached && has_soil && with_soil_ == nullptr) with_soil_ = made();
     bool found = false;
-    world_->guarded([&] {
-      // A query before the world's first step has no time step.
-      world_->narrowphase.touch(*slot, body, *manifold_,
-                                info.m_timeStep > 0.0 ? info.m_timeStep : world_->now.duration);
-      found = true;
-    });
-    if (!found) manifold_->setNumContacts(0);
+    if (is_attached) {
+      result->setPersistentManifold(with_ground_);
+      world_->guarded([&] {
+        // A query before the world's first step has no time step.
+        world_->narrowphase.touch(*slot, body, *with_ground_, has_soil ? with_soil_ : nullptr,
+                                  info.m_timeStep > 0.0 ? info.m_timeStep : world_->now.duration);
+        found = true;
+      });
+    }
+    if (with_ground_ != nullptr && !found) with_ground_->setNumContacts(0);
+    if (with_soil_ != nullptr && !(found && has_soil)) with_soil_->setNumContacts(0);
   }
 
   btScalar calculateTimeOfImpact(btCollisionObject*, btCollisionObject*, const btDispatcherInfo&,
@@ -50,13 +53,14 @@ class GroundAlgorithm final : public btCollisionAlgorithm {
     return 1.0;
   }
   void getAllContactManifolds(btManifoldArray& manifolds) override {
-    if (manifold_ != nullptr) manifolds.push_back(manifold_);
+    for (btPersistentManifold* manifold : {with_ground_, with_soil_})
+      if (manifold != nullptr) manifolds.push_back(manifold);
   }
 
  private:
   BulletWorld* world_;
   bool swapped_;
-  btPersistentManifold* manifold_ = nullptr;
+  btPersistentManifold *with_ground_ = nullptr, *with_soil_ = nullptr;
 };
 
 // The dispatcher's table of contacts, which only derived classes may write without Bullet's own library.

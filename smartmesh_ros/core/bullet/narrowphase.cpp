@@ -1,5 +1,7 @@
 #include "bullet/narrowphase.h"
 
+#include <algorithm>
+
 #include <BulletCollision/CollisionDispatch/btCollisionObjectWrapper.h>
 
 #include "bullet/shape_parts.h"
@@ -8,6 +10,9 @@
 namespace smartmesh {
 
 namespace {
+
+// Share of the way to a shape's middle by which a contact on the edge of the soil's map is on the side of the middle.
+constexpr double TOWARDS_MIDDLE = 1e-6;
 
 // Returns the pose of a shape that is turned in Bullet's frame of it.
 Pose pose_of(const Convex& shape, const btTransform& at) {
@@ -18,11 +23,11 @@ Pose pose_of(const Convex& shape, const btTransform& at) {
 
 }  // namespace
 
-void Narrowphase::touch(Slot& slot, const btCollisionObjectWrapper& part, btPersistentManifold& manifold, double step) {
+void Narrowphase::touch(Slot& slot, const btCollisionObjectWrapper& part, btPersistentManifold& with_ground,
+                        btPersistentManifold* with_soil, double step) {
   const Convex* shape = slot.convex_of_part(*part.getCollisionShape());
   if (shape == nullptr) return;
   const Pose pose = pose_of(*shape, part.getWorldTransform());
-  read_contacts(manifold, before_);
   const Approach approach = approach_of(slot, step);
   const auto* rigid = btRigidBody::upcast(slot.object);
   const Vec3 pull = rigid != nullptr ? from_bullet(rigid->getTotalForce() * (rigid->getInvMass() * step))
@@ -30,22 +35,34 @@ void Narrowphase::touch(Slot& slot, const btCollisionObjectWrapper& part, btPers
   Approach body = approach;
   body.linear = slot.linear, body.ground = {};
   search_.find_on_decks(*shape, pose, *now_.terrain, slot.decks, now_.time, body);
-  if (!search_.has_decks() && now_.soil != nullptr && now_.soil->is_under(pose.at, now_.time)) {
-    SoilPart& pressing = slot.on_soil[slot.part_number(*part.getCollisionShape())];
-    now_.soil->touch(*shape, pose, on_soil(slot, step, step), before_, pressing, contacts_, rows_);
-  } else {
-    touch_ground(slot, *shape, pose, approach, pull);
+  const double within = with_soil != nullptr ? now_.soil->within_map(pose.at, now_.time) : -INFINITE;
+  slot.ground_angular = {};
+  if (with_soil != nullptr) {
+    contacts_.clear(), rows_.clear();
+    read_contacts(*with_soil, before_);
+    if (within > -shape->bounding_radius)
+      now_.soil->touch(*shape, pose, on_soil(slot, step, step), before_,
+                       slot.on_soil[slot.part_number(*part.getCollisionShape())], contacts_, rows_);
+    tell(slot, approach, pull, *with_soil);
   }
+  contacts_.clear(), rows_.clear();
+  read_contacts(with_ground, before_);
+  if (within < shape->bounding_radius || search_.has_decks() || !now_.terrain->meshes().empty())
+    touch_ground(slot, *shape, pose, approach, pull);
+  tell(slot, approach, pull, with_ground);
+  slot.pull = pull;
+}
+
+void Narrowphase::tell(Slot& slot, const Approach& approach, const Vec3& pull, btPersistentManifold& manifold) {
+  const double step = approach.duration;
   // Friction against rolling, and that of robots if PyBullet's `frictionERP` is zero, aim at the proxy's velocity.
-  const bool turns =
-      !rows_.empty() && (rows_[0].friction.rolling + rows_[0].friction.spinning > 0.0 || anchor_time(step) == 0.0);
-  slot.ground_angular = turns ? contacts_[0].ground.angular : Vec3{};
-  if (rigid != nullptr) {  // robots have a solver with a cone of its own
+  if (!rows_.empty() && (rows_[0].friction.rolling + rows_[0].friction.spinning > 0.0 || anchor_time(step) == 0.0))
+    slot.ground_angular = contacts_[0].ground.angular;
+  if (btRigidBody::upcast(slot.object) != nullptr) {  // robots have a solver with a cone of its own
     // Bullet's anisotropic friction acts against velocities alone.
     static const std::vector<OldContact> NONE;
     const auto& before = slot.object->hasAnisotropicFriction() ? NONE : before_;
     find_slips(contacts_, before, approach, pull, slot.pull, mass_of(*slot.object), rows_);
-    slot.pull = pull;
   }
   const bool ground_is_b = manifold.getBody0() == slot.object;
   const double slop = now_.world.getSolverInfo().m_linearSlop;
@@ -57,6 +74,13 @@ void Narrowphase::touch_ground(const Slot& slot, const Convex& shape, const Pose
                                const Vec3& pull) {
   const double step = approach.duration;
   search_.find(shape, pose, *now_.terrain, now_.time, approach.with_margin(slot.near.spread * step), contacts_);
+  if (now_.soil != nullptr) {
+    const auto is_soil = [&](const Contact& contact) {  // its edges belong to it for what is over it
+      const Vec3 inwards = contact.point + (pose.at - contact.point) * TOWARDS_MIDDLE;
+      return contact.deck < 0 && !contact.on_mesh && now_.soil->within_map(inwards, now_.time) >= 0.0;
+    };
+    contacts_.erase(std::remove_if(contacts_.begin(), contacts_.end(), is_soil), contacts_.end());
+  }
   choose_contacts(shape, pose, approach, before_, contacts_);
   search_.find_rotations(contacts_);
   if (search_.has_decks()) carried_.let_yield(contacts_);

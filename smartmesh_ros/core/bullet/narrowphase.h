@@ -17,8 +17,10 @@ class Narrowphase {
   Narrowphase(const Instant& now, Attached& attached, const CarriedDecks& carried)
       : now_(now), attached_(attached), carried_(carried) {}
 
-  // Finds the contacts of a part of the body in a slot with the ground, in a step of some duration [s].
-  void touch(Slot& slot, const btCollisionObjectWrapper& part, btPersistentManifold& manifold, double step);
+  // Finds the contacts of a part of the body in a slot with the ground, in a step of some duration [s]. `with_soil`:
+  // takes those with soil, null = there is none.
+  void touch(Slot& slot, const btCollisionObjectWrapper& part, btPersistentManifold& with_ground,
+             btPersistentManifold* with_soil, double step);
   // Returns the deepest contact of the body in a slot with the ground now; none if it does not touch it.
   std::optional<Contact> deepest_contact(Slot& slot);
 
@@ -39,6 +41,8 @@ class Narrowphase {
   // Finds the contacts and their rows with ground that is no soil.
   void touch_ground(const Slot& slot, const Convex& shape, const Pose& pose, const Approach& approach,
                     const Vec3& pull);
+  // Puts the contacts into a manifold.
+  void tell(Slot& slot, const Approach& approach, const Vec3& pull, btPersistentManifold& manifold);
 
   const Instant& now_;
   Attached& attached_;

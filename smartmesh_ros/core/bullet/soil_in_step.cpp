@@ -59,10 +59,10 @@ MovingSolid SoilInStep::moving(const SoilPart& part, const Pose& pose, const OnS
   return found;
 }
 
-bool SoilInStep::is_under(const Vec3& point, double time) const {
+double SoilInStep::within_map(const Vec3& point, double time) const {
   const HeightGrid& map = lattice.map();
   const GridPoint at = to_grid(map.pose_at(time), map.resolution, point.x, point.y);
-  return at.row >= 0.0 && at.column >= 0.0 && at.row <= map.rows - 1 && at.column <= map.columns - 1;
+  return std::min({at.row, at.column, map.rows - 1 - at.row, map.columns - 1 - at.column}) * map.resolution;
 }
 
 double SoilInStep::below_map(const Vec3& point, double time) const {

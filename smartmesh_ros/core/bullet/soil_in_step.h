@@ -60,7 +60,8 @@ class SoilInStep {
 
   SoilLattice lattice;
 
-  bool is_under(const Vec3& point, double time) const;
+  // Returns how far inside the outline of the map a point is [m], negative outside.
+  double within_map(const Vec3& point, double time) const;
   // Returns how far the ground at a point was pressed below its map [m].
   double below_map(const Vec3& point, double time) const;
   // Returns the motion of the soil within a `radius` [m] of a point, with mean velocities over the time `ahead` [s], or

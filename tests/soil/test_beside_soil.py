@@ -1,0 +1,76 @@
+"""Bodies partly on soil, partly on other ground: tiles, meshes and decks."""
+
+import math
+
+import numpy as np
+import pytest
+
+from smartmesh_ros import BodyState, Box, Deck, HeightMap, Soil, Sphere, World
+from smartmesh_ros.terrain.terrain import MainMesh
+from smartmesh_ros.terrain.trimesh import TriangleMesh
+from studies.soil.vehicles import BELOW, WHEELS, Cart
+from tests.bodies import rotation
+from tests.core import mesh_parts
+from tests.grounds import terrain_of
+
+G = 9.81
+
+
+def soil_and(**tiles: MainMesh | Deck) -> World:
+    """Soil on the square from 0 to 2 m, and other tiles."""
+    ground = HeightMap(np.zeros((51, 51)), resolution=0.04)
+    world = World(terrain_of(**{"": ground}, **tiles))
+    world.ground.set_soil(Soil(world.terrain, "dry_sand"))
+    return world
+
+
+def pad() -> HeightMap:
+    """Rigid ground that goes on from the soil."""
+    return HeightMap(np.zeros((51, 51)), resolution=0.04, origin=(2.0, 0.0))
+
+
+def tilt_of(world: World, name: str) -> float:
+    """Angle between a body's z axis and the vertical [rad]."""
+    return math.acos(min(1.0, rotation(np.array(world.state(name).orientation))[2, 2]))
+
+
+@pytest.mark.parametrize("x", [1.9, 1.97, 2.0])
+@pytest.mark.parametrize("is_deck", [False, True])
+def test_a_box_astride_rests_on_both_and_leans_towards_the_soil(x: float, is_deck: bool) -> None:
+    with soil_and(pad=Deck(pad()) if is_deck else pad()) as world:
+        world.spawn("box", Box(0.3, 0.2, 0.1), 10.0, BodyState((x, 1.003, 0.06)))
+        world.step(480)
+        start = world.state("box").position
+        world.step(480)
+        assert world.state("box").position == pytest.approx(start, abs=1e-5)
+        assert tilt_of(world, "box") < math.radians(1.5)
+        rigid = sum(contact.normal_force for contact in world.contacts() if contact.position[0] > 1.999)
+        soft = sum(support.carried for support in world.ground.on_soil().values())
+        assert 0.0 < rigid < 10.1 * G
+        assert rigid + soft == pytest.approx(10.0 * G, rel=0.01)
+
+
+def test_a_cart_drives_from_soil_onto_rigid_ground_and_back_without_a_kick() -> None:
+    cart = Cart()
+    with soil_and(pad=pad()) as world:
+        world.spawn_robot("cart", cart.urdf, BodyState((1.3, 1.003, cart.radius + BELOW)))
+        for direction in (1.0, -1.0):
+            ways = []
+            for step in range(840):
+                for name in WHEELS:
+                    world.drive("cart", f"{name}_axle", direction * 3.6 * min(step / 120.0, 1.0), 200.0)
+                world.step()
+                ways.append((*world.state("cart").linear, world.state("cart").position[1]))
+            speeds = np.abs(np.array(ways)[240:, :3])
+            assert speeds[:, 0].min() > 0.2
+            assert speeds[:, 1:].max() < 0.2  # out of a rut, a rim climbs onto the edge
+            assert ways[-1][3] == pytest.approx(1.003, abs=0.01)
+        assert world.rescues == 0
+
+
+def test_a_ball_rests_on_a_rock_that_lies_on_the_soil() -> None:
+    rock = TriangleMesh(*mesh_parts.box((0.9, 0.9, -0.1), (1.1, 1.1, 0.1)))
+    with soil_and(rock=rock) as world:
+        world.spawn("ball", Sphere(0.1), 1.0, BodyState((1.003, 1.007, 0.25)))
+        world.step(240)
+        assert world.state("ball").position == pytest.approx((1.003, 1.007, 0.2), abs=1e-3)
