@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, HeightMap, MotionConfig, World
+from smartmesh_ros import BodyState, Deck, HeightMap, MotionConfig, World
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.terrain.grid import FloatArray
 from tests.bodies import rotation
@@ -164,6 +164,31 @@ def test_a_body_goes_with_its_tile_although_another_is_taken_away_at_once() -> N
         assert abs(depth) < 0.01
         assert world.rescues == 0
         assert world.state("box").position[2] == pytest.approx(0.45, abs=0.001)
+
+
+@pytest.mark.parametrize("by", [0.1, -0.1])
+@pytest.mark.parametrize("tilt", [0.0, 0.1])
+def test_bodies_go_with_corrections_of_the_deck_that_they_are_on_and_of_no_other_ground(by: float, tilt: float) -> None:
+    """One is on the deck, one on the road below it."""
+    orientation = (math.sin(0.5 * tilt), 0.0, 0.0, math.cos(0.5 * tilt))
+    tile, road, up = corrected(), corrected(), rotation(np.array(orientation))[:, 2]
+    deck = Deck(tile, thickness=0.2, position=(0.0, 0.0, 2.0), orientation=orientation)
+    with world_of(terrain_of(road=road, deck=deck)) as world:
+        world.spawn("above", SHAPES["box"], 5.0, BodyState((0.0, 0.0, 2.0) + 0.15 * up, orientation))
+        spawn(world, "box")
+        world.step(240)
+        for moved, other, ground in (("above", "box", tile), ("box", "above", road)):
+            before = {name: np.array(world.state(name).position) for name in (moved, other)}
+            ground.replace(FLAT + by, time=world.time)
+            fastest = 0.0
+            for _ in range(240):
+                world.step()
+                fastest = max(fastest, fastest_of(world))
+            normal = up if moved == "above" else np.array([0.0, 0.0, 1.0])
+            assert world.state(moved).position == pytest.approx(before[moved] + by * normal, abs=1e-3)
+            assert world.state(other).position == pytest.approx(before[other], abs=1e-4)
+            assert fastest < 0.25
+        assert world.rescues == 0
 
 
 def test_a_wide_box_keeps_its_contacts_where_the_ground_flickers() -> None:

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <map>
 
+#include "ground/deck.h"
 #include "step/correction.h"
 
 namespace smartmesh {
@@ -129,12 +130,12 @@ void lift_body(btCollisionObject& object, double by, const Vec3& ground, btDiscr
     robot->setBaseVel(to_bullet(ground) + slide);
 }
 
-}  // namespace
-
-void move_with_corrections(const Instant& now, Attached& attached) {
+// Moves bodies with corrections of maps of some tiles, in the frame of a deck if they are of one.
+void move_with_corrections_of(Tiles& tiles, const Deck* deck, const Instant& now, Attached& attached) {
   std::vector<MapCorrection> corrections;
-  now.terrain->show_corrections(now.time, corrections);
+  tiles.show_corrections(now.time, corrections);
   if (corrections.empty()) return;
+  const btTransform frame = deck != nullptr ? to_bullet(deck->motion.at(now.time).pose) : btTransform::getIdentity();
   const std::vector<bool> stands = find_touching(now, attached);
   for (const AttachedBody& body : attached.bodies) {
     btCollisionObject* object = nullptr;
@@ -143,8 +144,9 @@ void move_with_corrections(const Instant& now, Attached& attached) {
     for (int k : body.slots) {
       const Slot& slot = attached.slots[k];
       if (!slot.kind.is_solid || slot.rest.asleep || slot.object == nullptr) continue;
-      if (object == nullptr) object = slot.object, pose = body_pose(base_of(*object));
-      const BodyPose here = body_pose(slot.object->getWorldTransform());
+      const BodyPose here = body_pose(frame.inverseTimes(slot.object->getWorldTransform()));
+      if (deck != nullptr && (deck->body == slot.body || deck->is_above(here.at, now.time))) continue;
+      if (object == nullptr) object = slot.object, pose = body_pose(frame.inverseTimes(base_of(*object)));
       for (const auto& [map, shown] : corrections) {
         HeightGrid before = *map;
         before.shown = shown;
@@ -153,8 +155,15 @@ void move_with_corrections(const Instant& now, Attached& attached) {
     }
     if (object == nullptr || is_fixed(*object) || !move_with(sums, pose)) continue;
     const Quaternion& q = pose.orientation;
-    put(*object, btTransform(btQuaternion(q.x, q.y, q.z, q.w), to_bullet(pose.at)), now.world);
+    put(*object, frame * btTransform(btQuaternion(q.x, q.y, q.z, q.w), to_bullet(pose.at)), now.world);
   }
+}
+
+}  // namespace
+
+void move_with_corrections(const Instant& now, Attached& attached) {
+  move_with_corrections_of(*now.terrain, nullptr, now, attached);
+  for (Deck* deck : now.terrain->decks()) move_with_corrections_of(deck->tiles, deck, now, attached);
 }
 
 std::vector<int> find_below(const Instant& now, Attached& attached) {

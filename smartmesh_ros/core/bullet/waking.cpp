@@ -135,7 +135,7 @@ bool Sleep::is_another_ground(Slot& slot) {
   rest.updates = now.count;
   rest.calm = !now.settles;
   rest.samples = 0;
-  rest.corrected = correction(rest.ground, ground_, rest.samples);
+  rest.corrected = correction(rest.ground, ground_, rest.bounds.low.z, rest.samples);
   if (rest.samples > 0) corrected_.push_back(slot.body);
   if (differs(rest.ground, ground_, rules_.tolerance)) return true;
   if (!now.moves) return false;

@@ -81,11 +81,12 @@ bool differs(const GroundUnder& before, const GroundUnder& now, const Tolerance&
   return false;
 }
 
-double correction(const GroundUnder& before, const GroundUnder& now, int& count) {
+double correction(const GroundUnder& before, const GroundUnder& now, double lowest, int& count) {
   double sum = 0.0;
   int corrected = 0;
   for (std::size_t k = 0; k < std::min(before.heights.size(), now.heights.size()); ++k) {
     if (now.variances[k] < 0.0f || now.heights[k] == HOLE || before.heights[k] == HOLE) continue;
+    if (lowest - before.heights[k] > HIGHEST_MOVED) continue;
     sum += now.heights[k] - before.heights[k];
     ++corrected;
   }

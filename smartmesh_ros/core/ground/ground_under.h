@@ -51,7 +51,12 @@ struct Tolerance {
 // Returns true if the ground differs from what it was `before` by more than a body minds.
 bool differs(const GroundUnder& before, const GroundUnder& now, const Tolerance& tolerance);
 
-// Returns by how much fused or corrected samples rose on average [m], and adds their number to `count`.
-double correction(const GroundUnder& before, const GroundUnder& now, int& count);
+// Largest height of a body's lowest point above the ground at which the body moves with a correction [m]. High enough
+// for stacked bodies, so that stacks stay whole.
+constexpr double HIGHEST_MOVED = 1.0;
+
+// Returns by how much fused or corrected samples under a body rose on average [m], whose `lowest` point moves with
+// them, and adds their number to `count`.
+double correction(const GroundUnder& before, const GroundUnder& now, double lowest, int& count);
 
 }  // namespace smartmesh

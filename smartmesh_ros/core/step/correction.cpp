@@ -8,9 +8,6 @@ namespace smartmesh {
 
 namespace {
 
-// Largest height of a body's lowest point above the ground at which the body moves with a correction [m]. High enough
-// for stacked bodies, so that stacks stay whole.
-constexpr double HIGHEST_MOVED = 1.0;
 // Points on a side of the sampling grid under a shape.
 constexpr int POINTS = 5;
 // Share of a shape's rounding radius by which the sampling grid is wider than its core. Small, because a ball touches
@@ -81,7 +78,8 @@ void add_points_under(const HeightGrid& before, const HeightGrid& after, double 
   const Vec3 centre = solid.centre;
   const GridPose pose = before.pose_at(time);
   GridReader reader(before, time, INSTANT), reader_after(after, time, INSTANT);
-  if (!stands && !(shape.lowest(body) - height_under(before, reader, pose, centre) <= HIGHEST_MOVED)) return;
+  const double above = shape.lowest(body) - height_under(before, reader, pose, centre);
+  if (above > HIGHEST_MOVED || (!stands && std::isnan(above))) return;
   Vec3 level[2];
   level_axes(solid, level);
   for (int m = 0; m < POINTS; ++m) {
