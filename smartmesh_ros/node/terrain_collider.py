@@ -63,7 +63,7 @@ class Collider:
         self.robot = RobotDescription(session, self.initial)
         self._peers = PeerBodies(session)
         self._transforms = transforms = TransformInput(session)
-        self._outputs = Publishing(session, self._peers, transforms)
+        self._outputs = Publishing(session, self._peers, transforms, lambda: self.initial.waiting)
         self._decks = DeckInputs(session, transforms)
         self._terrain = TerrainInputs(session, self._decks, self._on_terrain)
         self._bodies = BodyInputs(session, transforms)

@@ -34,6 +34,17 @@ def test_a_body_that_falls_beside_the_ground_is_named_once_removed_and_back_afte
         assert run.world.bodies.keys() == {"outside"}
 
 
+def test_a_body_whose_start_no_map_covers_is_named_until_one_does() -> None:
+    waits = ["{id: ball, shape: sphere, size: [0.2], xy: [50.0, 0.0]}"]
+    with on_level({"bodies.spawn": waits}, keep=["/diagnostics"]) as run:
+        run.run(2.0)
+        assert told(run, "bodies")["message"] == "no ground yet where they start: ball"
+        run.give("heightmap", heightmap_message(np.zeros((30, 30)), origin=(49.0, -1.0, 0.0)))
+        run.run(4.0)
+        assert "no ground" not in told(run, "bodies")["message"]
+        assert run.world.bodies.keys() == {"ball"}
+
+
 def test_of_bodies_that_were_lost_the_last_ones_and_those_of_the_scene_are_known() -> None:
     with fed({"bodies.spawn": ["{id: first, shape: sphere, size: [0.2], xyz: [1.0, 1.0, 0.5]}"]}) as node:
         node.give("heightmap", heightmap_message(np.zeros((30, 30))))

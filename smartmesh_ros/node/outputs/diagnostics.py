@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from itertools import chain, islice
 from typing import Any
 
@@ -60,11 +60,14 @@ class PaceWindow:
 class Diagnostics:
     """Publishes the state of the node's tasks: terrain, bodies, physics, inputs, connections.
 
-    ``clock``: the node's output on ``/clock``.
+    ``clock``: the node's output on ``/clock``. ``waiting``: returns the bodies that wait for ground, by name, and
+    whether they are being put onto it.
     """
 
-    def __init__(self, session: Session, peers: PeerBodies, clock: ClockPublishing) -> None:
-        self._session, self._peers, self._clock = session, peers, clock
+    def __init__(
+        self, session: Session, peers: PeerBodies, clock: ClockPublishing, waiting: Callable[[], Mapping[str, bool]]
+    ) -> None:
+        self._session, self._peers, self._clock, self._waiting = session, peers, clock, waiting
         self._world = session.world
         self._publisher = session.node.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
         self._clock_watch, self._namesakes = ClockWatch(session), 0
@@ -175,6 +178,9 @@ class Diagnostics:
         if falling := world.falls.falling:
             places = [f"{name} at ({x:.2f}, {y:.2f})" for name, (x, y, _) in falling.items()]
             return DiagnosticStatus.WARN, f"fell off the ground: {listed(places)}", values
+        waiting = [name for name, begun in self._waiting().items() if not begun]
+        if waiting and not world.terrain.empty:
+            return DiagnosticStatus.WARN, f"no ground yet where they start: {listed(waiting)}", values
         if silent := self._peers.silent():
             return DiagnosticStatus.WARN, f"not heard: {', '.join(silent)}", values
         return DiagnosticStatus.OK, f"{patches} patches", values

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -47,7 +47,11 @@ LAST_WORDS = 3.0
 
 
 class Publishing:
-    def __init__(self, session: Session, peers: PeerBodies, transforms: TransformInput) -> None:
+    """All outputs. ``waiting``: returns the bodies that wait for ground, by name."""
+
+    def __init__(
+        self, session: Session, peers: PeerBodies, transforms: TransformInput, waiting: Callable[[], Mapping[str, bool]]
+    ) -> None:
         self._session = session
         self._world, self._now = session.world, session.clock.steady
         self._markers = patch_outputs.PatchMarkers(session.marker_namespace)
@@ -74,7 +78,7 @@ class Publishing:
             "imu": [ImuOutput(session, entry) for entry in settings.imus],
             "odom": [OdometryOutput(session, entry, transforms) for entry in settings.bases],
         }
-        self._diagnostics = Diagnostics(session, peers, self._clock)
+        self._diagnostics = Diagnostics(session, peers, self._clock, waiting)
         self._time = RateTime(session)
         for place, (name, output) in enumerate(self._outputs.items()):  # staggered, so that no step publishes all
             output.rhythm = Rhythm(place / (len(self._outputs) * max(settings.publish.of(name), 1.0)))
