@@ -9,20 +9,14 @@ from pathlib import Path
 import numpy as np
 import pybullet_data
 import pytest
-from smartmesh_msgs.msg import (
-    BodyDescription,
-    BodyDescriptionArray,
-    BodySpecification,
-    TrackedBody,
-    TrackedBodyArray,
-)
-from smartmesh_msgs.srv import RemoveBody, SpawnBodies, SpawnBody
+from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, TrackedBody, TrackedBodyArray
+from smartmesh_msgs.srv import RemoveBody, SpawnBody
 from std_msgs.msg import String
 
 from smartmesh_ros import BodyState
 from smartmesh_ros.node.services.files import allowed_folders
 from smartmesh_ros.tools.testing import Probe, pose_message
-from tests.node.shared import BALL, LATCHED, Logged, body_names, box, fed, on_level, refusals, show_level_ground, spawn
+from tests.node.shared import LATCHED, Logged, body_names, box, fed, on_level, refusals, show_level_ground, spawn
 from tests.urdfs import ROVER, joint, link, mesh, robot
 
 SHARED = {"bodies.urdf_folders": [tempfile.gettempdir()]}
@@ -39,9 +33,6 @@ def test_a_refused_robot_changes_nothing_whichever_way_it_comes(probe: Probe) ->
         probe.wait_for(lambda: body_names(probe) == ["good"])
         answer = probe.call("spawn_body", SpawnBody, id="bad", urdf=urdf)
         assert not answer.success and "'no_such_pkg' is not installed" in answer.message
-        both = [BodySpecification(id="ball", mass=1.0, shape=BALL), BodySpecification(id="bad", urdf=urdf)]
-        batch = probe.call("spawn_bodies", SpawnBodies, bodies=both)
-        assert [failure.id for failure in batch.failures] == ["bad"]
         topic.publish(String(data=urdf))
         probe.wait_for(lambda: refusals(probe)["robot_description: urdf_package"])
         spawn(probe, "bad")

@@ -2,29 +2,28 @@
 on ``/tf``: of simulated bodies and robots, and never of others."""
 
 import math
-from functools import partial
 from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import TransformStamped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sensor_msgs.msg import JointState
 from simulation_interfaces import srv
 from simulation_interfaces.msg import Result
+from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros import BodyState, Sphere, World
 from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.node.inputs.conversions import RobotNames, joint_commands_from
 from smartmesh_ros.node.inputs.frames import FrameBuffer
-from smartmesh_ros.tools.testing import Probe
 from smartmesh_ros.world.joints import JointCommand
-from tests.node.shared import LATCHED, changed, on_level, show_level_ground, spawn, transform_message
+from tests.node.shared import on_level
 from tests.urdfs import joint, link, robot
 
-SHARED = {"frame_id": "map", "publish.tf": 50.0}
 LIMIT = '<limit lower="-1" upper="1" effort="5" velocity="50"/>'
 BOX = '<box size="0.4 0.4 0.2"/>'
 BASE = link("base", BOX, 2.0, 2.0)
@@ -132,17 +131,6 @@ def test_every_robot_has_a_prefix_by_a_parameter() -> None:
     assert [joint for _, joint, _ in found] == JOINTS
 
 
-TF, NAME = "/tf", "terrain_collider"
-
-
-def parents(probe: Probe, messages: int = 3) -> dict[str, str]:
-    """Parents by frame, in the next messages on /tf."""
-    received = probe.listen(TF, TFMessage)
-    seen = len(received)
-    probe.wait_for(lambda: len(received) >= seen + messages)
-    return {item.child_frame_id: item.header.frame_id for message in received[seen:] for item in message.transforms}
-
-
 def buffer_of(*messages: TFMessage) -> FrameBuffer:
     """All frames of some messages."""
     buffer = FrameBuffer()
@@ -211,32 +199,38 @@ def test_names_stay_whatever_robots_come_and_go_and_frames_are_where_bodies_and_
         require(prefixed + JOINTS, {"ball": "map", "stem": "map", "leaf": "stem", "slider": "leaf"} | more)
 
 
-def test_frames_of_others_are_left_to_them(shared: Probe) -> None:
+def test_frames_of_others_are_left_to_them() -> None:
     """Of a robot_state_publisher, of a localisation, and above the map."""
-    show_level_ground(shared)
     links = ARM.replace('"base"', '"trunk"').replace('"arm"', '"limb"').replace('"slider"', '"hand"')
-    spawn(shared, "one", (0.7, 2.0, 0.1), urdf=robot(links))
-    shared.wait_for(lambda: {"trunk", "limb", "hand", "one"} <= parents(shared).keys())
-    publisher = shared.node.create_publisher(TFMessage, TF, 10)
-    latched = shared.node.create_publisher(TFMessage, "/tf_static", LATCHED)
+    with on_level({"publish.tf": 50.0}, keep=["/tf"]) as run:
 
-    item = partial(transform_message, shared)
-    latched.publish(TFMessage(transforms=[item("trunk", "limb")]))
-    shared.wait_for(lambda: parents(shared) == {"trunk": "map", "hand": "limb", "one": "trunk"})
-    publisher.publish(TFMessage(transforms=[item("earth", "map"), item("odom", "/trunk")]))
-    shared.wait_for(lambda: parents(shared) == {"hand": "limb", "one": "trunk"})
-    # A body that is called as a frame above the terrain's would make a loop of the tree.
-    for name in ("earth", "map"):
-        spawn(shared, name)
-    spawn(shared, "ball")
-    shared.wait_for(lambda: parents(shared) == {"hand": "limb", "one": "trunk", "ball": "map"})
-    shared.wait_for(lambda: parents(shared).get("trunk") == "map")  # nobody publishes it any more
+        def parents(seconds: float = 0.5) -> dict[str, str]:
+            """Parents by frame, so much later."""
+            run.run(run.time + seconds)
+            return {item.child_frame_id: item.header.frame_id for item in run.received("/tf")[-1].transforms}
+
+        def send(topic: str, *frames: tuple[str, str]) -> None:
+            items = [TransformStamped(header=Header(frame_id=above), child_frame_id=child) for above, child in frames]
+            run.give(topic, TFMessage(transforms=items))
+
+        run.world.spawn_robot("one", robot(links), BodyState((0.7, 2.0, 0.1)))
+        assert parents(2.0) == {"trunk": "map", "limb": "trunk", "hand": "limb", "one": "trunk"}
+        send("/tf_static", ("trunk", "limb"))
+        assert parents() == {"trunk": "map", "hand": "limb", "one": "trunk"}
+        send("/tf", ("earth", "map"), ("odom", "/trunk"))
+        assert parents() == {"hand": "limb", "one": "trunk"}
+        # A body that is called as a frame above the terrain's would make a loop of the tree.
+        for name in ("earth", "map", "ball"):
+            run.world.spawn(name, Sphere(0.2), 1.0, BodyState((2.0, 1.0, 0.5)))
+        assert parents() == {"hand": "limb", "one": "trunk", "ball": "map"}
+        assert parents(5.0)["trunk"] == "map", "nobody publishes it any more"
 
 
-def test_without_a_rate_there_is_no_publisher_of_frames(shared: Probe) -> None:
-    show_level_ground(shared)
-    spawn(shared, "stiff", (2.0, 2.0, 0.1), urdf=robot(STIFF["one_link"]))
-    shared.wait_for(lambda: "stiff" in parents(shared))
-    with changed(shared, {"publish.tf": 0.0}):
-        shared.wait_for(lambda: NAME not in {peer.node_name for peer in shared.node.get_publishers_info_by_topic(TF)})
-    shared.wait_for(lambda: "stiff" in parents(shared))
+def test_without_a_rate_there_is_no_publisher_of_frames() -> None:
+    with on_level({"publish.tf": 50.0}, keep=["/tf"]) as run:
+        run.world.spawn_robot("stiff", robot(STIFF["one_link"]), BodyState((2.0, 2.0, 0.1)))
+        for rate in (50.0, 0.0, 50.0):
+            run.set(publish__tf=rate)
+            before = len(run.received("/tf"))
+            run.run(run.time + 2.0)
+            assert ("/tf" in run.node.publishers) == (len(run.received("/tf")) > before) == bool(rate)

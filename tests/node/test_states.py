@@ -1,4 +1,4 @@
-"""Saved states, episodes and lockstep."""
+"""Saved states and lockstep."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,7 +13,7 @@ from rclpy.action import ActionClient
 from simulation_interfaces import srv
 from simulation_interfaces.action import SimulateSteps
 from simulation_interfaces.msg import Result
-from smartmesh_msgs.srv import RemoveBody, RestoreState, SaveState, SpawnBody, StartEpisode, StepPhysics
+from smartmesh_msgs.srv import RemoveBody, RestoreState, SaveState, SpawnBody, StepPhysics
 from std_msgs.msg import String
 from std_srvs.srv import SetBool
 
@@ -107,17 +107,6 @@ def test_an_error_that_nobody_expects_is_the_answer_and_the_node_goes_on(monkeyp
 
 def failing(*_: Any, **__: Any) -> None:
     raise ZeroDivisionError("the moon")
-
-
-def test_episodes_are_equal_to_the_bit() -> None:
-    found = []
-    with paused() as run:
-        step(run, 30)
-        for _ in range(2):
-            assert run.call("start_episode", StartEpisode.Request(seed=4)).success
-            assert (run.world.time, run.world.seed) == (0.0, 4)
-            found.append(step(run, 90))
-    assert found[0] == found[1]
 
 
 def simulate(probe: Probe, client: ActionClient, steps: int, cancel_after: int | None = None) -> tuple[Any, list[int]]:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from nav_msgs.msg import OccupancyGrid
 from numpy.typing import NDArray
 from sensor_msgs.msg import Image, PointCloud2, PointField
 
-from smartmesh_ros.tools.testing import heightmap_message, pose_message
+from smartmesh_ros.tools.testing import pose_message
 from tests.grid_maps import grid_map_message
 from tests.node.shared import Fed, Logged, fed, stamped
 from tests.node.test_refusals import changed
@@ -176,13 +175,3 @@ def test_organised_clouds_may_run_either_way() -> None:
             ("fields", {"fields__2__datatype": 3}),
         )  # fmt: skip
         assert shows(node, tolerance=1e-4)
-
-
-def test_a_file_is_there_from_the_start_and_can_be_updated(tmp_path: Path) -> None:
-    file, heights = tmp_path / "terrain.npy", surface(*places())
-    np.save(file, heights)
-    with fed({**HOLD, **PLACED, "terrain.file": str(file), "raster.first_row": "bottom", "frame_id": "map"}) as node:
-        assert shows(node)
-        map_message = heightmap_message(heights + 3.0, resolution=RESOLUTION, origin=(1.0, -2.0, 0.0))
-        node.give("heightmap", stamped(node, map_message))
-        assert shows(node, rise=3.0)

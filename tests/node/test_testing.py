@@ -18,17 +18,12 @@ from smartmesh_ros.startup.dds import in_use, isolated, isolated_unless_chosen, 
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, bags, heightmap_message
 from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
 from smartmesh_ros.tools.testing.process import start_command
-from tests import preloaded
 from tests.node.shared import show_map, wait_until
 from tests.preloaded import has_ended
 
-ROOT = Path(__file__).parents[2]
 STARTS_A_NODE = """
 import sys
 from smartmesh_ros.tools.testing import Process
-from tests import preloaded
-if "fork" in sys.argv:
-    Process.starter = staticmethod(preloaded.start)
 process = Process("terrain_source")
 print(process.process.pid, flush=True)
 sys.stdin.readline()
@@ -40,19 +35,15 @@ def test_the_environment_names_it(domain):
 """
 
 
-def test_a_process_ends_with_its_block_and_with_an_exception(executables: None) -> None:
-    with Process("terrain_source") as first:
-        assert first.process.poll() is None
-    assert first.process.poll() is not None
-    with pytest.raises(ValueError, match="of the test"), Process("terrain_source") as second:
+def test_a_process_ends_with_an_exception(executables: None) -> None:
+    with pytest.raises(ValueError, match="of the test"), Process("terrain_source") as process:
         raise ValueError("of the test")
-    assert second.process.poll() is not None
+    assert process.process.poll() is not None
 
 
-@pytest.mark.parametrize("how", ["executable", "fork"])
-def test_a_process_ends_with_a_test_that_was_killed(how: str) -> None:
-    command = [sys.executable, "-c", STARTS_A_NODE, how]
-    with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as test:
+def test_a_process_ends_with_a_test_that_was_killed() -> None:
+    command = [sys.executable, "-c", STARTS_A_NODE]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as test:
         pid = int(test.stdout.readline())  # type: ignore[union-attr]
         assert not has_ended(pid)
         test.send_signal(signal.SIGKILL)
@@ -90,20 +81,6 @@ def test_a_process_outlives_the_thread_that_started_it(tmp_path: Path) -> None:
         child = pool.submit(started).result()
     child.send_signal(signal.SIGINT)
     assert child.wait(TIMEOUT) == 0
-
-
-def test_a_fork_is_what_the_executable_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It says the same but for times, takes the same parameters and arguments, and ends alike."""
-    said, codes = [], []
-    for starter in (start_command, preloaded.start):
-        monkeypatch.setattr(Process, "starter", staticmethod(starter))
-        arguments = ["--ros-args", "-r", "__node:=renamed"]
-        with Process("terrain_collider", {"physics.rate": 37.0, "patch.knd": "auto"}, arguments) as process:
-            wait_until(lambda process=process: "physics" in process.output)
-            codes.append(process.stop())
-            said.append(re.sub(r"\d+\.\d+|/tmp/\S+", "", process.output))
-    assert codes == [0, 0] and said[0] == said[1]
-    assert "37 Hz" in said[0] and "patch.knd" in said[0]
 
 
 def test_a_wait_in_vain_says_why(shared: Probe) -> None:
