@@ -247,6 +247,13 @@ def test_a_frame_moves_between_its_poses_to_second_order_and_stops_without_more(
     assert np.abs(np.diff(speeds, axis=0)).max() < 0.02
 
 
+def test_a_frame_that_stops_does_not_go_back() -> None:
+    deck = Deck(a_map())
+    for time in (0.0, 0.1, 0.2, 0.3, 0.4):
+        deck.move((min(time, 0.3), 0.0, 0.0), time=time)
+    assert deck.frame(0.45).position[0] == pytest.approx(0.3, abs=1e-12)
+
+
 def test_a_copy_of_a_terrain_has_decks_of_its_own() -> None:
     terrain = terrain_of(deck=(deck := Deck(a_map())))
     for time in (0.0, 0.1, 0.2):

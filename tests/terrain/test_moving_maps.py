@@ -83,6 +83,15 @@ def test_an_update_moves_only_what_it_covers_and_blocks_that_it_does_not_meet_go
         assert not samples.velocities.reshape(SIDE, SIDE)[~covered].any()
 
 
+def test_what_a_region_leaves_out_of_its_block_is_at_rest() -> None:
+    """Although it moved with each map before."""
+    heightmap = told([np.full((9, 9), 0.01 * step) for step in range(6)], 0.05 * np.arange(6))
+    heightmap.update_region(2, 2, np.full((3, 3), 0.1), time=0.3)
+    expected = np.zeros((9, 9))
+    expected[2:5, 2:5] = 1.0
+    np.testing.assert_allclose(heightmap.sample(np.arange(81), 0.3).velocities.reshape(9, 9), expected, atol=1e-6)
+
+
 # Heights of maps 0.05 s apart [m], and the acceleration of the ground that they tell [m/s^2].
 PATHS = {
     "stops": ([0.0, 0.1, 0.2, 0.3, 0.3], 0.0),
