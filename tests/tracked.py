@@ -27,8 +27,8 @@ def slope(degrees: float = 0.0, friction: float = 1.0) -> HeightMap:
     return shaped(lambda x, y: math.tan(math.radians(degrees)) * x, 201, friction=friction)
 
 
-def standing(ground: HeightMap, urdf: str = UNDERCARRIAGE, *, sleep: bool = False, friction: float = 1.0) -> World:
-    world = world_of(ground, friction=friction, sleep=sleep)
+def standing(ground: HeightMap, urdf: str = UNDERCARRIAGE, *, friction: float = 1.0) -> World:
+    world = world_of(ground, friction=friction, sleep=False)
     world.spawn_robot(NAME, urdf, BodyState((0.0, 0.0, 0.0)), on_ground=True, align=True)
     world.step(STANDING)
     return world

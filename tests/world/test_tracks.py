@@ -10,7 +10,7 @@ from smartmesh_ros import BodyState, HeightMap, World
 from smartmesh_ros.scenes.tracks import ground as ramp
 from smartmesh_ros.soil.soil import Soil
 from studies.soil.trials import least
-from tests.grounds import moving, shaped
+from tests.grounds import shaped
 from tests.tracked import FLAT_TRACKS, NAME, UNDERCARRIAGE, drive, slope, standing, yaw
 
 
@@ -101,26 +101,6 @@ def test_flat_tracks_turn_at_the_equilibrium_of_friction(belt: float, friction: 
             world.step(60)
             expected = equilibrium(yaw(world), belt)
             assert world.state(NAME).angular[2] == pytest.approx(expected, rel=0.08 * belt**2 / friction)
-
-
-def test_at_a_wall_it_stays_on_the_ground_and_awake() -> None:
-    """Each contact runs along its own ground: up at the wall, forward below."""
-    wall = shaped(lambda x, y: np.where(x > 0.85, 1.5, 0.0), 201)
-    with standing(wall, FLAT_TRACKS, sleep=True, friction=0.2) as world:
-        before = world.state(NAME).position[2]
-        drive(world, 0.3, 0.3)
-        for _ in range(96):
-            world.step(10)
-            assert world.state(NAME).position[2] == pytest.approx(before, abs=5e-3)
-        assert 0.15 < world.state(NAME).position[0] < 0.3 and not world.is_asleep(NAME)
-
-
-def test_on_ground_that_rises_and_sinks_it_keeps_its_speed() -> None:
-    with standing(slope()) as world:
-        drive(world, 0.5, 0.5)
-        for step in moving(world, lambda time: 0.1 * math.sin(3.0 * time), 480):
-            if step >= 120:
-                assert world.state(NAME).linear[0] == pytest.approx(0.5, rel=0.02)
 
 
 def test_at_the_foot_of_a_slope_its_rear_stays_on_the_level() -> None:

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import Base, BodyState, HeightScanner, Imu, InputError, PhysicsConfig, World, WorldConfig
-from smartmesh_ros.ground.shapes import Box, Hull, Shape, Sphere
+from smartmesh_ros.ground.shapes import Box, Hull, Sphere
 from smartmesh_ros.node.inputs.tracking import Tracking
 from tests import urdfs
-from tests.bodies import about_y, reach, rotation
-from tests.grounds import add, level, moving, shaped, world_of
+from tests.grounds import level, moving
 
 
 @pytest.mark.parametrize(
@@ -109,23 +108,6 @@ def test_settings_change_while_bodies_rest(world: World) -> None:
     assert world.time == pytest.approx(time + 1.0)
     assert world.state("ball").position[2] == pytest.approx(0.2, abs=1e-3)
     assert sum(contact.normal_force for contact in world.contacts()) == pytest.approx(1.6, rel=0.02)
-
-
-PLANK = urdfs.robot(urdfs.link("board", '<box size="1.0 0.2 0.1"/>', 1.0, (1.0, 0.2, 0.1)))
-
-
-@pytest.mark.parametrize("plank", [Box(1.0, 0.2, 0.1), PLANK], ids=["box", "link"])
-def test_a_plank_stands_on_its_edge_not_in_the_ground(plank: Shape | str) -> None:
-    """PyBullet rounds edges by its margin: the one that the plank leans on sank in."""
-    # A body may fall asleep 0.2 mm deep.
-    with world_of(shaped(lambda x, y: np.where(x > 0.35, 0.3, 0.0), 61), sleep=False) as world:
-        add(world, "plank", plank, BodyState((0.05, 0.0, 0.36), about_y(math.radians(-30.0))))
-        world.step(480)  # it rocks for a while
-        state = world.state("plank")
-        assert math.hypot(*state.linear) < 1e-3
-        assert state.position[2] > 0.2 and world.rescues == 0, "it leans on the step"
-        lowest = state.position[2] - reach(Box(1.0, 0.2, 0.1), rotation(state.orientation)[2])
-        assert -1e-4 < lowest < 1e-3
 
 
 @pytest.mark.parametrize("kind", [np.array, list, lambda numbers: np.array(numbers, np.float32)])
