@@ -88,9 +88,8 @@ def test_time_is_set_where_the_argument_asks_for_it(launch: Launch, rviz: None) 
 def test_arguments_reach_every_node(launch: Launch, tmp_path: Path, rviz: None) -> None:
     config = tmp_path / "mine.yaml"
     config.write_text("/**: {ros__parameters: {physics.rate: 100.0}}")
-    given = {"namespace": "robot", "use_sim_time": "true", "log_level": "warn", "preset": "rover", "rviz": "true"}
+    given = {"namespace": "robot", "log_level": "warn", "preset": "rover", "rviz": "true"}
     nodes = launch.of("Node", **given, config=str(config))
-    assert all(node.kwargs["parameters"][-1]["use_sim_time"] for node in nodes)
     *ours, rviz = sorted(nodes, key=lambda node: node.kwargs["package"] == "rviz2")
     assert all(node.kwargs["namespace"] == "robot" for node in ours)
     assert all(node.kwargs["arguments"] == ["--ros-args", "--log-level", "warn"] for node in ours)

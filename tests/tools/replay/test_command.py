@@ -20,7 +20,7 @@ from smartmesh_msgs.msg import TrackedBodyArray
 from smartmesh_ros.tools.replay import cli
 from smartmesh_ros.tools.replay.bag import class_of
 from smartmesh_ros.tools.replay.cli import main
-from smartmesh_ros.tools.testing import TIMEOUT, bags, executable, heightmap_message
+from smartmesh_ros.tools.testing import TIMEOUT, Process, bags, executable, heightmap_message
 from tests.node.shared import wait_until
 from tests.tools.replay.recordings import RECORDINGS, in_order
 
@@ -113,13 +113,11 @@ def test_only_some_outputs(bag: str, tmp_path: Path, capsys: pytest.CaptureFixtu
 
 def test_an_interrupted_run_leaves_a_whole_file(bag: str, tmp_path: Path) -> None:
     out = tmp_path / "out.mcap"
-    command = [executable("replay"), bag, *ARGUMENTS, "-o", out, "--until", "1000000"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    wait_until(lambda: any(file.stat().st_size > 500_000 for file in tmp_path.rglob("*.mcap")))
-    process.send_signal(signal.SIGINT)
-    said, _ = process.communicate(timeout=TIMEOUT)
-    assert process.returncode == 130 and [*tmp_path.iterdir()] == [out]
-    assert "until interrupted" in said and said.splitlines()[-1].startswith("digest: ")
+    with Process("replay", arguments=[bag, *ARGUMENTS, "-o", str(out), "--until", "1000000"]) as run:
+        wait_until(lambda: any(file.stat().st_size > 500_000 for file in tmp_path.rglob("*.mcap")))
+        run.process.send_signal(signal.SIGINT)
+        assert run.process.wait(TIMEOUT) == 130 and [*tmp_path.iterdir()] == [out]
+        assert "until interrupted" in run.output and run.output.splitlines()[-1].startswith("digest: ")
     with Reader(out) as opened:
         assert sum(1 for _ in opened.messages()) == opened.message_count > 10
 
