@@ -1,12 +1,14 @@
-"""The command ``replay``: its file, its digest, its end, and what it refuses."""
+"""The command ``replay``: its file, its digest, its end, and what it refuses. A run of the node over DDS, recorded."""
 
 import os
 import signal
 import subprocess
 import sys
 from pathlib import Path
+from time import time
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from mcap.reader import make_reader
@@ -15,13 +17,15 @@ from rosbags.interfaces import QosDurability
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosgraph_msgs.msg import Clock
-from smartmesh_msgs.msg import TrackedBodyArray
+from smartmesh_msgs.msg import Heightmap, TrackedBodyArray
+from smartmesh_msgs.srv import SpawnBody
 
 from smartmesh_ros.tools.replay import cli
 from smartmesh_ros.tools.replay.bag import class_of
 from smartmesh_ros.tools.replay.cli import main
-from smartmesh_ros.tools.testing import TIMEOUT, Process, bags, executable, heightmap_message
-from tests.node.shared import wait_until
+from smartmesh_ros.tools.replay.replay import Replay
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, bags, executable, heightmap_message
+from tests.node.shared import position_of, spawn, wait_until
 from tests.tools.replay.recordings import RECORDINGS, in_order
 
 ARGUMENTS = [f"-p{name}:={value}" for name, value in RECORDINGS["robot"][0].items()]
@@ -203,3 +207,36 @@ def test_what_cannot_be(tmp_path: Path, capsys: pytest.CaptureFixture[str], argu
     said = words_of(capsys, written(tmp_path / "bag"), *arguments)
     assert words in said
     assert CONTENTS in said or "inputs" not in words
+
+
+PARAMETERS = {"service_introspection": "contents"}
+RECORDED = {
+    "heightmap": Heightmap, "body_states": TrackedBodyArray, "spawn_body/_service_event": SpawnBody.Event,
+}  # fmt: skip
+
+
+def test_a_recorded_run_is_replayed(probe: Probe, tmp_path: Path) -> None:
+    """A ball comes to rest where it did. That the node does the same on any ground: test_replay.py."""
+    records: list[tuple[str, float, Any]] = []
+
+    def record(name: str, kind: Any) -> None:
+        def note(data: bytes) -> None:
+            records.append((probe.topic(name), time(), deserialize_message(data, kind)))
+
+        probe.node.create_subscription(kind, probe.topic(name), note, 100, raw=True)
+
+    with probe.running(parameters=PARAMETERS):
+        for name, kind in RECORDED.items():
+            record(name, kind)
+        probe.wait_for(lambda: probe.node.count_publishers(probe.topic("spawn_body/_service_event")))
+        probe.publish_map(np.zeros((21, 21)), resolution=0.5, origin=(-5.0, -5.0, 0.0))
+        probe.wait_for(lambda: any(topic.endswith("heightmap") for topic, *_ in records))
+        spawn(probe, "ball", (1.0, 0.5, 0.4))
+        place = pytest.approx((1.0, 0.5, 0.2), abs=1e-3)
+        probe.wait_for(lambda: position_of(probe, "ball") == place)
+    bags.write(tmp_path / "bag", records)
+    with Replay(tmp_path / "bag", PARAMETERS) as run:
+        run.run()
+        run.run(run.time + 1.0)
+        assert not run.refused
+        assert run.world.state("ball").position == place
