@@ -10,12 +10,13 @@ from rclpy.serialization import deserialize_message, serialize_message
 from smartmesh_ros import InputError
 from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.node.inputs.adapters import ADAPTERS, occupancy_region
-from smartmesh_ros.tools.testing import heightmap_message, pose_message
+from smartmesh_ros.tools.testing import heightmap_message
 from tests.fuzz.mutations import mutated, spoil
 from tests.fuzz.run import SETTINGS, attack
 from tests.fuzz.seeds import make
 from tests.fuzz.target import target
 from tests.fuzz.wire import over_the_wire
+from tests.node.test_refusals import changed
 
 
 @pytest.mark.parametrize(("terrain_input", "changes"), SETTINGS[: len(ADAPTERS) + 2])
@@ -62,38 +63,26 @@ def test_spoilt_messages_over_the_wire(domain: int) -> None:
     assert over_the_wire(400, seed=13)["over DDS, refused"] > 50
 
 
-def spawning(**twist: float) -> Any:
-    request = make("spawn_body", np.random.default_rng(1))
-    for name, value in twist.items():
-        setattr(request.twist.angular, name, value)
-    return request
+def good(name: str, **changes: Any) -> tuple[str, Any]:
+    """An input and a good message of it, but for changes as of `changed`. Of tracked bodies there are two."""
+    return name, changed(make(name, np.random.default_rng(1)), **changes)
 
 
-def a_map(resolution: float = 1.0, x: float = 0.0) -> Any:
-    message = heightmap_message(np.zeros((3, 3)), tile="abcd")
-    message.info.resolution, message.info.origin.position.x = resolution, x
-    return message
-
-
-def tracked(**last: Any) -> Any:
-    message = make("tracked_bodies", np.random.default_rng(2))
-    for name, value in last.items():
-        setattr(message.bodies[-1], name, value)
-    return message
+def a_map(**changes: Any) -> tuple[str, Any]:
+    return "heightmap", changed(heightmap_message(np.zeros((3, 3)), tile="abcd"), **changes)
 
 
 # Messages that once ended a node or did harm: what is given, and how many of the last input are refused.
 FAULTS: dict[str, tuple[list[tuple[str, Any]], int]] = {
     "a general mesh beside a map has no rows and columns for a body that changes tiles": (
-        [(name, make(name, np.random.default_rng(1)))
-         for name in ("spawn_body", "tracked_bodies", "heightmap", "terrain_mesh", "tracked_bodies")], 0),
-    "a spin that cannot be simulated": ([("spawn_body", spawning(z=spin)) for spin in (1e200, 1e6)], 2),
+        [good(name) for name in ("spawn_body", "tracked_bodies", "heightmap", "terrain_mesh", "tracked_bodies")], 0),
+    "a spin that cannot be simulated": ([good("spawn_body", twist__angular__z=spin) for spin in (1e200, 1e6)], 2),
     "a map at the end of the world: how many cells it moved by cannot be counted": (
-        [("heightmap", a_map()), ("heightmap", a_map(1e-30, 1e300))], 1),
+        [a_map(), a_map(info__resolution=1e-30, info__origin__position__x=1e300)], 1),
     # Read by C it is a short name, by Python a long one: a map of one tile would have become that of another.
-    "a name with a zero byte": ([("heightmap", serialize_message(a_map()).replace(b"abcd", b"a\0cd"))], 1),
+    "a name with a zero byte": ([("heightmap", serialize_message(a_map()[1]).replace(b"abcd", b"a\0cd"))], 1),
     "one impossible body refuses all of its message": (
-        [("tracked_bodies", tracked(radius=1e30)), ("tracked_bodies", tracked(pose=pose_message((1e12, 0, 0))))], 2),
+        [good("tracked_bodies", bodies__1__radius=1e30), good("tracked_bodies", bodies__1__pose__position__x=1e12)], 2),
 }  # fmt: skip
 
 

@@ -220,13 +220,6 @@ def test_a_place_of_the_code_is_not_logged_too_often() -> None:
     assert said == [text.format(time) for time in (0.0, 6.0) for text in (here, there)]
 
 
-def test_messages_of_another_type_are_refused(replay: Make) -> None:
-    """What else is refused: test_command.py."""
-    for topic in ("heightmap", "/clock", "/parameter_events", "spawn_body/_service_event"):
-        with pytest.raises(InputError, match=f"{topic} has tf2_msgs/msg/TFMessage, and must have [a-z_]+/(msg|srv)/"):
-            replay([(topic, 0.0, TFMessage(transforms=[TransformStamped()]))])
-
-
 class CutOff(Messages):
     """A recording of which all but the maps is cut off."""
 
@@ -245,8 +238,11 @@ def test_messages_that_are_cut_off_are_refused_one_by_one(replay: Make) -> None:
 @pytest.mark.parametrize(
     ("message", "words"),
     [
-        (("heightmap", 0.0, TFMessage(transforms=[TransformStamped()])),
-         "heightmap has tf2_msgs/msg/TFMessage, and must have smartmesh_msgs/msg/Heightmap"),
+        *(((topic, 0.0, TFMessage(transforms=[TransformStamped()])),
+           f"{topic} has tf2_msgs/msg/TFMessage, and must have {kind}") for topic, kind in (
+            ("heightmap", "smartmesh_msgs/msg/Heightmap"), ("/clock", "rosgraph_msgs/msg/Clock"),
+            ("/parameter_events", "rcl_interfaces/msg/ParameterEvent"),
+            ("spawn_body/_service_event", "smartmesh_msgs/srv/SpawnBody_Event"))),
         (("spawn_body", 0.0, SetBool.Request()), "has std_srvs/srv/SetBool_Event, and must have smartmesh_msgs/srv/"),
         (("pause", 0.0, Clock()), "pause is a service: it takes std_srvs/srv/SetBool_Request, and was given a ros"),
         (("pause", 0.0, SetBool.Response()), "pause was given a SetBool_Response; it must be a message or the request"),

@@ -13,7 +13,7 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python
 
 from smartmesh_ros.tools.replay.cli import INTERRUPTED
-from smartmesh_ros.tools.testing import TIMEOUT, Probe, bags, executable, heightmap_message
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, bags, heightmap_message
 from smartmesh_ros.tools.tune import cli, grid
 from smartmesh_ros.tools.tune.case import open_case
 from smartmesh_ros.tools.tune.grid import KNOWN
@@ -135,20 +135,15 @@ def test_corrected_ground_is_the_one_that_the_node_shows(tmp_path: Path) -> None
 
 def test_a_signal_ends_the_search_and_its_processes(tmp_path: Path) -> None:
     """And what follows in a script sees that there is no result. SIGINT, taken alike: test_command.py of the replay."""
-    command = [str(executable("tune")), "flat", "--seconds", "1000", "--out", str(tmp_path)]
-    with (tmp_path / "log").open("w") as log:
-        search = psutil.Popen(command, stdout=log, stderr=log)
-        try:
-            # The tracker of resources, the server of forks, and what that makes.
-            wait_until(lambda: len(search.children(recursive=True)) > 2)
-            children = search.children(recursive=True)
-            search.send_signal(signal.SIGTERM)
-            assert search.wait(TIMEOUT) == INTERRUPTED
-            wait_until(lambda: all(has_ended(child.pid) for child in children))
-        finally:
-            if search.poll() is None:
-                search.kill()
-    assert "Traceback" not in (tmp_path / "log").read_text()
+    with Process("tune", arguments=["flat", "--seconds", "1000", "--out", str(tmp_path)]) as search:
+        started = psutil.Process(search.process.pid)
+        # The tracker of resources, the server of forks, and what that makes.
+        wait_until(lambda: len(started.children(recursive=True)) > 2)
+        children = started.children(recursive=True)
+        search.process.send_signal(signal.SIGTERM)
+        assert search.process.wait(TIMEOUT) == INTERRUPTED
+        wait_until(lambda: all(has_ended(child.pid) for child in children))
+        assert "Traceback" not in search.output
 
 
 @pytest.mark.parametrize(

@@ -1,39 +1,43 @@
-"""How a view follows its node: no message of a burst is lost, and none waits for a slow page."""
+"""How a view follows its node: no message of a burst is lost, none waits for a slow page, and what the view shows is of
+the run that is there, whether the one before ended or was killed."""
 
 from argparse import Namespace
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from time import sleep
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
-from smartmesh_msgs.msg import ColliderPatch, ColliderPatchArray
+from smartmesh_msgs.msg import ColliderPatch, ColliderPatchArray, Heightmap, TrackedBodyArray
 
 from smartmesh_ros.tools.client.remote import Remote
-from smartmesh_ros.tools.testing import Probe, heightmap_message
+from smartmesh_ros.tools.testing import COLLIDER, Probe, Process, heightmap_message, mesh_message
 
 pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")
 
 from smartmesh_ros.tools.view import main, page
+from smartmesh_ros.tools.view.knobs import KnobPanel
+
+
+def tiles(remote: Remote) -> set[str]:
+    """Tiles of the ground that a view shows, once it has heard what there is."""
+    remote.spin(0.05)
+    remote.apply_waiting()
+    return set(remote.ground.tiles)
 
 
 def test_tiles_that_are_published_in_a_burst_are_all_shown(remote: Remote, probe: Probe) -> None:
     maps = probe.publishers["heightmap"]
     remote.watch(set())
-
-    def shown() -> set[str]:
-        remote.spin(0.02)
-        remote.apply_waiting()
-        return set(remote.ground.tiles)
-
-    probe.wait_for(lambda: [shown(), maps.get_subscription_count()][1])
+    probe.wait_for(lambda: [tiles(remote), maps.get_subscription_count()][1])
     names = {f"tile_{number}" for number in range(8)}
     for name in names:
         maps.publish(heightmap_message(np.zeros((5, 5)), tile=name))
     assert maps.wait_for_all_acked()
-    probe.wait_for(lambda: shown() == names, timeout=20.0)
+    probe.wait_for(lambda: tiles(remote) == names, timeout=20.0)
 
 
 def test_patches_are_those_of_the_newest_whole_message_and_of_all_changes_after(remote: Remote) -> None:
@@ -67,3 +71,43 @@ def test_messages_are_handled_however_long_a_page_takes(monkeypatch: pytest.Monk
     with suppress(StopIteration):
         main.show(remote, options, SimpleNamespace(asked=False, starting=True))
     assert spent["messages"] > 0.8 * spent["page"] > 0.4
+
+
+def test_the_page_shows_the_parameters_of_the_node_that_runs_now(probe: Probe, remote: Remote, server: Any) -> None:
+    """Also where it was killed in the middle of an answer, and the page stayed open meanwhile."""
+    panel = KnobPanel(server, remote, nullcontext())
+
+    def rates() -> list[float]:
+        remote.spin(0.05)
+        panel.update()
+        return [knob.value for knob in server.gui._gui_input_handle_from_uuid.values() if knob.label == "rate"]
+
+    for rate in (100.0, 120.0):
+        with Process("terrain_collider", {"physics.rate": rate}) as process:
+            probe.wait_for(lambda rate=rate: rates() == [rate], watch=process)
+            process.process.kill()
+
+
+@pytest.mark.parametrize("killed", [False, True])
+def test_the_ground_of_a_run_that_is_over_is_forgotten(probe: Probe, remote: Remote, *, killed: bool) -> None:
+    """Unless it comes again, as a latched map does. A node that was killed is seen for a while beside the next."""
+    maps, states = (f"{COLLIDER}/{topic}" for topic in ("heightmap", "body_states"))
+    probe.node.destroy_publisher(probe.publishers.pop("heightmap"))
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    probe.node.create_publisher(Heightmap, maps, latched).publish(heightmap_message(np.zeros((4, 4))))
+    run = probe.node.create_publisher(TrackedBodyArray, states, 10)
+    remote.watch(set())
+
+    def given(tile: str) -> set[str]:
+        probe.publishers["terrain_mesh"].publish(mesh_message(np.eye(3), [(0, 1, 2)], tile=tile))
+        return tiles(remote)
+
+    probe.wait_for(lambda: given("before") == {"", "before"} and remote.runs)
+    if not killed:
+        probe.node.destroy_publisher(run)
+        probe.wait_for(lambda: tiles(remote) == {""})
+    probe.node.create_publisher(TrackedBodyArray, states, 10)
+    probe.wait_for(lambda: given("now") == {"", "now"})
+    if killed:
+        probe.node.destroy_publisher(run)
+    probe.wait_for(lambda: tiles(remote) == {"", "now"} and len(remote.runs) == 1)
