@@ -72,7 +72,7 @@ def digest_of(subject: str) -> str:
     """Digest of the code that figures of a subject depend on."""
     rooms = [(ROOT / "smartmesh_ros" / room).resolve() for room in SUBJECTS[subject]]
     sources = [path for room in rooms for path in sorted(room.rglob("*"))]
-    files = [path for path in sources if path.suffix in (".py", ".cpp", ".h")]
+    files = [path for path in sources if path.suffix in (".py", ".cpp", ".h") and path.parent.name != "tests"]
     return digest({str(file.relative_to(ROOT)): file.read_text() for file in files})
 
 

@@ -150,9 +150,7 @@ def test_the_walls_of_a_deck_are_as_high_as_it_is_thick(shape: Shape) -> None:
 
 def cabin() -> TriangleMesh:
     """A closed room of 2 m, whose inner sides count."""
-    corners = np.array([(x, y, z) for z in (0, 2) for y in (-1, 1) for x in (-1, 1)], float)
-    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    return TriangleMesh(corners, np.array([[a, *pair] for a, b, c, d in sides for pair in ((b, c), (c, d))]))
+    return TriangleMesh(*mesh_parts.flipped(mesh_parts.box((-1, -1, 0), (1, 1, 2))))
 
 
 @pytest.mark.parametrize("thickness", [math.inf, 0.1])

@@ -30,14 +30,12 @@ from smartmesh_msgs.msg import Heightmap
 from smartmesh_msgs.srv import SpawnBody, StepPhysics
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.node.services.turns import Work
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, heightmap_message, pose_message
 
 ROOT = Path(__file__).parents[2]
-LISTS = {spec.name for spec in SPECS if isinstance(spec.default, list)}
 Logged = Callable[[], str]  # the fixture `logged`
 BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -118,11 +116,10 @@ def refusals(probe: Probe) -> Counter[str]:
 
 
 def values(probe: Probe, names: Iterable[str]) -> dict[str, Any]:
-    """Values of parameters of the node; an empty list arrives as nothing."""
+    """Values of parameters of the node; None of an empty list."""
     names = list(names)
     found = probe.call("get_parameters", GetParameters, names=names).values
-    plain = {name: parameter_value_to_python(item) for name, item in zip(names, found, strict=True)}
-    return {name: list(value or []) if name in LISTS else value for name, value in plain.items()}
+    return dict(zip(names, map(parameter_value_to_python, found), strict=True))
 
 
 def set_parameters(probe: Probe, parameters: Mapping[str, Any]) -> Any:

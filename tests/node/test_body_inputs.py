@@ -23,6 +23,7 @@ from smartmesh_ros.tools.testing import pose_message
 from tests.bodies import about_z
 from tests.examples import examples
 from tests.node.shared import Fed, Logged, fed, stamped, transform_message, wait_until
+from tests.urdfs import ROVER
 from tests.world.test_tracked_shapes import ARM as TRACKED_ARM
 
 INPUTS = {
@@ -155,7 +156,6 @@ def test_frames_whose_stamps_start_over_or_are_missing_stay_bodies(
         assert not node.world.bodies
 
 
-FACE = 0.85  # of the box, along x [m]
 RADIUS = 0.4
 
 
@@ -163,26 +163,16 @@ def pose(x: float, y: float = 0.0, yaw: float = 0.0) -> BodyState:
     return BodyState((x, y, RADIUS), about_z(yaw))
 
 
-def run(world: World, states: list[BodyState], rate: float) -> float:
-    """Tracks a rover through the states at a rate [Hz]; the fastest that the box was [m/s]."""
-    world.spawn("box", Box(0.3, 0.6, 0.6), 5.0, BodyState((FACE + 0.15, 0.0, 0.3)))
-    world.step(60)
-    tracking, fastest = Tracking(world, 60.0), 0.0
-    for number, state in enumerate(states):
-        tracking.update("rover", RADIUS, state, number / rate)
-        for _ in range(round(240 / rate)):
-            world.step()
-            fastest = max(fastest, math.hypot(*world.state("box").linear))
-    return fastest
-
-
 @pytest.mark.parametrize("rate", [5.0, 10.0, 100.0])
 @pytest.mark.parametrize("jump", [0.05, 0.3])
-def test_a_jump_of_a_pose_pushes_nothing_that_the_body_does_not_touch(world: World, rate: float, jump: float) -> None:
-    """As by a loop closure, there and back: velocities of up to 30 m/s."""
-    n = round(rate)
-    states = [*[pose(0.0)] * n, *[pose(jump)] * n, *[pose(0.0)] * n, *[pose(jump, yaw=3.0)] * n]
-    assert run(world, states, rate) < 0.01
+def test_a_jump_of_a_pose_gives_no_velocity(world: World, rate: float, jump: float) -> None:
+    """As by a loop closure, there and back: of up to 30 m/s, with which it would push what it does not touch."""
+    tracking = Tracking(world, 60.0)
+    states = [*[pose(0.0)] * 3, *[pose(jump)] * 3, *[pose(0.0)] * 3, *[pose(jump, yaw=3.0)] * 3]
+    for number, state in enumerate(states):
+        tracking.update("rover", RADIUS, state, number / rate)
+        found = world.state("rover")
+        assert (*found.linear, *found.angular) == pytest.approx([0.0] * 6, abs=1e-9)
 
 
 @examples(30)
@@ -237,16 +227,6 @@ def test_a_body_that_is_heard_of_neither_stops_nor_goes_however_old_its_poses_ar
         assert tracking.expire(heard + 0.51) == ["rover"]
 
 
-def test_a_body_that_timed_out_comes_back_as_one_never_heard_of(world: World) -> None:
-    """Also its source may state no velocities any more."""
-    tracking = Tracking(world, timeout=0.2)
-    tracking.update("rover", RADIUS, BodyState((0.0, 0.0, RADIUS), linear=(3.0, 0.0, 0.0)), 0.0)
-    assert (tracking.expire(0.3), tracking.expire(0.3), tracking.names) == (["rover"], [], [])
-    for number in range(2):
-        assert tracking.update("rover", RADIUS, pose(0.1 * number), 0.4 + 0.1 * number) == ""
-        assert world.state("rover").linear == pytest.approx((1.0 * number, 0.0, 0.0))
-
-
 def test_a_stall_of_the_node_takes_no_tracked_body_away_whose_poses_wait_to_be_read(now: list[float]) -> None:
     with fed({"frame_id": "map"}) as node:
         at = [TrackedBody(id="crane", twist=Twist(linear=Vector3(x=1.0)))]
@@ -262,13 +242,11 @@ def test_a_stall_of_the_node_takes_no_tracked_body_away_whose_poses_wait_to_be_r
 def test_shapes_come_from_the_message_or_else_from_the_parameter() -> None:
     entries = ["{body: crate, shape: box, size: [1, 0.5, 0.5]}", "{body: drum, shape: cylinder, size: [0.4, 0.2]}"]
     with fed({"bodies.shapes": entries, "bodies.poses": ["drum=/drum"], "frame_id": "map"}) as node:
-        bodies = [TrackedBody(id="crate"), TrackedBody(id="ball", radius=0.2)]
+        bodies = [TrackedBody(id="crate"), TrackedBody(id="ball", radius=0.25)]
         node.give("tracked_bodies", stamped(node, TrackedBodyArray(bodies=bodies)))
         node.give("/drum", stamped(node, PoseStamped()))
         shapes = {name: body.shape for name, body in node.world.bodies.items()}
-        assert shapes["crate"] == Box(1.0, 0.5, 0.5)
-        assert shapes["drum"] == Cylinder(height=0.4, radius=0.2)
-        assert isinstance(shapes["ball"], Sphere)
+        assert shapes == {"crate": Box(1, 0.5, 0.5), "drum": Cylinder(height=0.4, radius=0.2), "ball": Sphere(0.25)}
         bodies = [TrackedBody(id="crate", shape=TrackedBody.SHAPE_BOX, dimensions=np.array([2, 2, 2], np.float32))]
         node.give("tracked_bodies", stamped(node, TrackedBodyArray(bodies=bodies)))
         assert node.world.bodies["crate"].shape == Box(2.0, 2.0, 2.0)
@@ -293,34 +271,30 @@ def test_a_tracked_robot_follows_its_root_and_its_joints(tmp_path: Path) -> None
         out = np.array([math.cos(0.5), math.sin(0.5), 0.0])
         np.testing.assert_allclose(hand.position, (1.0, 0.0, 0.9) + 1.25 * out, atol=1e-4)
         np.testing.assert_allclose(hand.linear, (0.3, 0.0, 0.0) + 2.5 * np.array([-out[1], out[0], 0.0]), atol=1e-4)
-        bad = [("length", JointState(name=["yaw"])), ("non_finite", JointState(name=["yaw"], position=[math.nan]))]
-        node.require_refused("tracked_joint_states", bad)
+        node.require_refused("tracked_joint_states", [("length", JointState(name=["yaw"]))])
         node.give("tracked_joint_states", JointState(name=["yaw"], position=[0.5], velocity=[1e6]))
         message.pose.pose.position.x = 2.0
         node.require_refused("/rig", [("velocity", stamped(node, message))])
         assert node.world.state("rig.base").position[0] < 1.5, "no part moves without the others"
 
 
-def test_joints_of_several_tracked_robots_are_taken_together(tmp_path: Path) -> None:
-    file = tmp_path / "arm.urdf"
-    file.write_text(TRACKED_ARM)
-    shapes = [f"{{body: {name}, urdf: {file}}}" for name in ("rig", "twin")]
+def test_joints_of_several_tracked_robots_are_taken_together() -> None:
+    shapes = [f"{{body: {name}, urdf: {ROVER}}}" for name in ("rig", "twin")]
     with fed({"bodies.shapes": shapes, "bodies.odometry": ["rig=/rig"], "frame_id": "map"}) as node:
-        bad = JointState(name=["rig/yaw", "twin/yaw"], position=[0.5, math.nan])
+        bad = JointState(name=["rig/front_left", "twin/front_left"], position=[0.5, math.nan])
         node.require_refused("tracked_joint_states", [("non_finite", bad)])
         node.give("/rig", stamped(node, Odometry()), 0)
-        assert abs(node.world.state("rig.hand").position[1]) < 1e-4, "one robot moved its joints without the other"
+        turn = node.world.state("rig.front_left_wheel").orientation
+        assert turn == pytest.approx((0.0, 0.0, 0.0, 1.0)), "one robot moved its joints without the other"
 
 
-def test_bodies_and_robots_of_a_message_find_room_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bodies_and_robots_of_a_message_find_room_together(monkeypatch: pytest.MonkeyPatch) -> None:
     """None of them is there if there is no room for all; parts that are there need no more of it."""
-    monkeypatch.setattr(session, "MOST_BODIES", 3)
-    file = tmp_path / "arm.urdf"
-    file.write_text(TRACKED_ARM)
-    with fed({"bodies.shapes": [f"{{body: rig, urdf: {file}}}"], "frame_id": "map"}) as node:
+    monkeypatch.setattr(session, "MOST_BODIES", 5)
+    with fed({"bodies.shapes": [f"{{body: rig, urdf: {ROVER}}}"], "frame_id": "map"}) as node:
         both = TrackedBodyArray(bodies=[TrackedBody(id="stone"), TrackedBody(id="rig")])
         node.require_refused("tracked_bodies", [("size", stamped(node, both))])
         assert not node.world.bodies
         for _ in range(2):
             node.give("tracked_bodies", stamped(node, TrackedBodyArray(bodies=both.bodies[1:])))
-        assert len(node.world.bodies) == 3 and node.node.refusals.counts.total() == 1
+        assert len(node.world.bodies) == 5 and node.node.refusals.counts.total() == 1

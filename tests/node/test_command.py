@@ -8,6 +8,7 @@ import tracemalloc
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,7 +32,7 @@ COMMAND = Path(get_package_prefix("smartmesh_ros")) / "bin" / "smartmesh"
 
 
 @pytest.fixture(scope="module")
-def remote(shared_node: tuple[Probe, Process]) -> Iterator[Remote]:
+def remote(shared_node: tuple[Probe, Process, Any]) -> Iterator[Remote]:
     """The node as all commands of the module see it: each process of its own would have to discover it first."""
     rclpy.init()
     with closing(Remote(shared_node[0].collider, 20.0)) as made:

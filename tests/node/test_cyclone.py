@@ -1,6 +1,5 @@
 """Talking with Eclipse Cyclone DDS, an implementation that shares no code with the middleware underneath ROS here."""
 
-from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from typing import Any
@@ -71,24 +70,9 @@ def to_cyclone(message: Any) -> Any:
     return [to_cyclone(item) for item in message] if isinstance(message, list) else message
 
 
-@dataclass
-class Peer:
-    """A participant that knows nothing of ROS."""
-
-    participant: DomainParticipant
-
-    def end(self, way: Any, name: str, kind: Any) -> Any:
-        """A reader or writer of a ROS topic."""
-        return way(self.participant, Topic(self.participant, f"rt/{name}", cyclone_type(kind), qos=QOS), qos=QOS)
-
-
-@pytest.fixture
-def peer(domain: int, monkeypatch: pytest.MonkeyPatch) -> Peer:
-    monkeypatch.setenv("CYCLONEDDS_URI", LOCALHOST)
-    return Peer(DomainParticipant(domain))
-
-
-def test_cyclone_publishes_a_map_and_receives_patches_that_lie_on_it(peer: Peer, probe: Probe) -> None:
+def test_cyclone_publishes_a_map_and_receives_patches_that_lie_on_it(
+    domain: int, probe: Probe, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Its requests that are none, of a peer with another idea of the type, do no harm: the middleware drops them, or
     the node's loop refuses them."""
     heights = np.random.default_rng(3).normal(size=(40, 30)) * 0.2
@@ -96,14 +80,20 @@ def test_cyclone_publishes_a_map_and_receives_patches_that_lie_on_it(peer: Peer,
     bodies.header.frame_id = "map"
     places = {"rover": (1.0, 1.5, 0.3), "walker": (2.0, 2.5, 0.3)}
     bodies.bodies = [TrackedBody(id=name, pose=pose_message(place), radius=0.2) for name, place in places.items()]
-    maps = peer.end(DataWriter, "terrain_collider/heightmap", Heightmap)
-    poses = peer.end(DataWriter, "terrain_collider/tracked_bodies", TrackedBodyArray)
-    patches = peer.end(DataReader, "terrain_collider/patches", MarkerArray)
     other = make_idl_struct(
         "SpawnBody_Request", "smartmesh_msgs::srv::dds_::SpawnBody_Request_", {"values": types.array[types.uint32, 6]}
     )
-    topic = Topic(peer.participant, "rq/terrain_collider/spawn_bodyRequest", other, qos=QOS)
-    requests = DataWriter(peer.participant, topic, qos=QOS)
+    monkeypatch.setenv("CYCLONEDDS_URI", LOCALHOST)
+    peer = DomainParticipant(domain)
+    maps, poses, patches, requests = (
+        way(peer, Topic(peer, name, kind, qos=QOS), qos=QOS)
+        for way, name, kind in (
+            (DataWriter, "rt/terrain_collider/heightmap", cyclone_type(Heightmap)),
+            (DataWriter, "rt/terrain_collider/tracked_bodies", cyclone_type(TrackedBodyArray)),
+            (DataReader, "rt/terrain_collider/patches", cyclone_type(MarkerArray)),
+            (DataWriter, "rq/terrain_collider/spawn_bodyRequest", other),
+        )
+    )
     with probe.running(parameters={"terrain.motion": "hold"}) as process:
 
         def shown() -> list[Any]:

@@ -1,4 +1,4 @@
-"""Peers, clocks, disks and wires that fail."""
+"""Peers, disks and wires that fail. Clocks: test_clock.py, test_refusals.py, test_real_maps.py."""
 
 import contextlib
 import os
@@ -17,8 +17,8 @@ from smartmesh_msgs.srv import SpawnBody
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.tools.demo import rover
-from smartmesh_ros.tools.testing import COLLIDER, Probe, assert_on_map, heightmap_message
-from tests.node.shared import made_with, refusals
+from smartmesh_ros.tools.testing import COLLIDER, Probe, assert_on_map
+from tests.node.shared import made_with
 
 SHAPE = (40, 30)
 SHARED = {"terrain.motion": "hold"}
@@ -42,21 +42,6 @@ def on_map(probe: Probe, message: Heightmap) -> Callable[[], bool]:
         return bool(patches)
 
     return holds
-
-
-def test_the_newest_map_holds_whoever_sent_it_and_stamps_far_ahead_shut_none_out(shared: Probe) -> None:
-    """The node's own time goes on through all of it. Stamps from the past: test_refusals.py and test_real_maps.py."""
-    before, publishers = refusals(shared), [shared.publisher(Heightmap, "heightmap") for _ in range(2)]
-    for ahead in (0, 100_000, 0):
-        for number, publisher in enumerate(publishers):
-            message = heightmap_message(rough(number, base=5.0 * number), stamp=shared.now())
-            message.header.stamp.sec += ahead
-            publisher.publish(message)
-            shared.wait_for(on_map(shared, message))
-    assert refusals(shared) == before
-    shared.wait_for(lambda: shared.latest("timing").real_time_factor > 0.0)
-    for publisher in publishers:
-        shared.node.destroy_publisher(publisher)
 
 
 def test_a_subscriber_that_reads_nothing_does_not_slow_the_node(shared: Probe) -> None:

@@ -189,9 +189,8 @@ def front_of(*, ready: bool = True) -> Any:
     """A node whose clients answer what the test says."""
     future = Future()
     client = SimpleNamespace(service_is_ready=lambda: ready, call_async=lambda _: future)
-    publishers: list[Any] = []
     return SimpleNamespace(
-        future=future, create_client=lambda *_, **__: client, get_publishers_info_by_topic=lambda _: publishers
+        future=future, create_client=lambda *_, **__: client, get_publishers_info_by_topic=lambda _: []
     )
 
 
@@ -227,19 +226,14 @@ class Silent(Node):
 @pytest.mark.parametrize(
     ("service", "asked", "words"),
     [
-        ("~/remove_bodies", RemoveBodies.Request(ids=[LONG]), "there is no body"),
-        ("~/spawn_bodies", SpawnBodies.Request(bodies=[BodySpecification(id=LONG)] * 2), "is named 2 times"),
+        ("/remove_bodies", RemoveBodies.Request(ids=[LONG]), "there is no body"),
+        ("/spawn_bodies", SpawnBodies.Request(bodies=[BodySpecification(id=LONG)] * 2), "is named 2 times"),
     ],
 )
-def test_the_front_quotes_no_long_name_whole(
-    monkeypatch: pytest.MonkeyPatch, service: str, asked: Any, words: str
-) -> None:
-    served: dict[str, tuple[Any, Any]] = {}
-    serve = lambda _, kind, name, act, **__: served.update({name: (kind, act)})  # noqa: E731
-    monkeypatch.setattr(Front, "create_service", serve)
-    with made_with(Front, {"nodes": ["/a"]}):
-        kind, act = served[service]
-        answer = result_of(act(asked, kind.Response()))
+def test_the_front_quotes_no_long_name_whole(service: str, asked: Any, words: str) -> None:
+    with made_with(Front, {"nodes": ["/a"]}) as front:
+        [served] = [found for found in front.services if found.srv_name.endswith(service)]
+        answer = result_of(served.callback(asked, served.srv_type.Response()))
     [failure] = answer.failures
     assert words in failure.reason and words in answer.message
     assert len(failure.id) + len(failure.reason) + len(answer.message) < 4000
