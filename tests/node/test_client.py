@@ -2,18 +2,20 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from operator import itemgetter
 from typing import Any
 
 import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
-from smartmesh_msgs.msg import ColliderPatchArray, TrackedBody, TrackedBodyArray
+from smartmesh_msgs.msg import ColliderPatch, ColliderPatchArray, TrackedBody, TrackedBodyArray
 from visualization_msgs.msg import MarkerArray
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.client import PatchClient, TrackedLink
 from smartmesh_ros.tools.replay.replay import Replay
-from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
+from smartmesh_ros.tools.testing import Probe, heightmap_message, mesh_message, pose_message
 from tests.node.shared import changed
 
 SHARED = {"publish.patches": 60.0, "publish.incremental": True, "terrain.motion": "hold", "bodies.timeout": 1.0}
@@ -33,7 +35,9 @@ def test_a_patch_is_moved_on_with_its_ground_and_grows_old(client: PatchClient) 
     x = np.tile(np.arange(50) * RESOLUTION, (50, 1))
     assert (client.age(), client.patches()) == (math.inf, {})
     client._on_bytes(b"\x00\x01\x00\x00\x07")
-    assert (client.received, client.refused) == (0, 1), "bytes that are no message change nothing"
+    client._on_bytes(serialize_message(ColliderPatchArray(patches=[ColliderPatch(body_id="left")])))
+    assert (client.received, client.refused) == (0, 2), "bytes that are no message, or have no ground, change nothing"
+    assert client.patches() == {}
     body = TrackedBody(id="left", pose=pose_message((1.0, 1.0, 0.5)), radius=0.5)
     given: list[Any] = [("tracked_bodies", time, TrackedBodyArray(bodies=[body])) for time in np.arange(0.0, 1.0, 0.05)]
     given += [("heightmap", t, heightmap_message((rise + tilt * x) * t, resolution=RESOLUTION)) for _, t, _ in given]
@@ -104,6 +108,25 @@ def test_bodies_come_stay_and_go(shared: Probe, client: PatchClient) -> None:
     shared.wait_for(lambda: shown("right"))
     assert client.patch("left") is None
     assert client.refused == 0
+
+
+def test_changes_that_come_while_a_simulator_is_busy_are_kept(shared: Probe) -> None:
+    """For half a second and more at 120 Hz, and each says what no other one does."""
+    mesh = mesh_message(np.eye(3), [[0, 1, 2]]).mesh
+    with PatchClient("/busy") as client:
+        patches = shared.node.create_publisher(ColliderPatchArray, "/busy/collider_patches", 100)
+        shared.wait_for(patches.get_subscription_count)
+        for number in range(80):
+            patch = ColliderPatch(body_id=f"wheel_{number}", mesh=mesh)
+            patches.publish(ColliderPatchArray(incremental=number > 0, patches=[patch]))
+        assert patches.wait_for_all_acked()
+        assert any(client.spin_once(1.0) and len(client.patches()) == 80 for _ in range(10)), "each handles all of them"
+
+
+def test_a_link_that_no_body_can_be_called_is_refused(client: PatchClient) -> None:
+    for name in ("rover/wheel", "", 3):  # of the last ROS would make no message, and end Python
+        with pytest.raises(InputError, match="cannot name a body"):
+            client.track([replace(LEFT, name=name)])
 
 
 def test_a_client_on_the_callers_node_is_spun_by_the_callers_executor(shared: Probe) -> None:

@@ -115,6 +115,8 @@ def _patch(reader: CdrReader) -> Patch:
     deviation = reader.number("f")
     twist = np.array(reader.numbers("d", 6))
     triangles, vertices = reader.sequence("u4", 3), reader.sequence("f8", 3)
+    if not len(vertices):
+        raise InputError("malformed", f"the patch of {name!r} has no vertices")
     if triangles.size and int(triangles.max()) >= len(vertices):
         raise InputError("malformed", f"a triangle of the patch of {name!r} has a corner that is no vertex")
     return Patch(

@@ -12,18 +12,19 @@ from typing import Any
 import rclpy
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.time import Time
+from rclpy.utilities import try_shutdown
 from smartmesh_msgs.msg import ColliderPatchArray, TrackedBody, TrackedBodyArray
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, require_body_name
 from smartmesh_ros.tools.client.patch import Patch, read_patches
 
 Vector = tuple[float, float, float]
-# Reliable, because an incremental message must not be lost.
-QOS = QoSProfile(depth=10)
+# Reliable and deep, because an incremental message must not be lost: at 60 Hz the queue lasts for 3 s without a spin.
+QOS = QoSProfile(depth=200)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,12 +57,12 @@ class PatchClient:
         self.ahead = ahead
         self.received = 0  # number of messages accepted
         self.refused = 0  # number of malformed messages
-        self._executor: SingleThreadedExecutor | None = None
+        self._executor: EventsExecutor | None = None
         if node is None:
             context = Context()
             rclpy.init(context=context)
             node = Node("patch_client", context=context)
-            self._executor = SingleThreadedExecutor(context=context)
+            self._executor = EventsExecutor(context=context)
             self._executor.add_node(node)
         self.node = node
         self._lock = Lock()
@@ -87,7 +88,7 @@ class PatchClient:
             return
         self._executor.shutdown()
         self.node.destroy_node()
-        rclpy.shutdown(context=self.node.context)
+        try_shutdown(context=self.node.context)
 
     def spin_once(self, timeout: float = 0.0) -> bool:
         """Wait up to ``timeout`` [s] for a message and handle all that arrived. Return True if any arrived. Raises
@@ -136,7 +137,7 @@ class PatchClient:
 
     def track(self, links: Iterable[TrackedLink], stamp: float | None = None) -> None:
         """Publish the states of links at ``stamp`` [s] (None = the clock's time). Each link gets a patch, and loses it
-        if it is left out for longer than the node's ``bodies.timeout``."""
+        if it is left out for longer than the node's ``bodies.timeout``. Raises `InputError` for an impossible name."""
         clock = self.node.get_clock()
         time: Any = clock.now() if stamp is None else Time(nanoseconds=round(stamp * 1e9), clock_type=clock.clock_type)
         message = TrackedBodyArray(bodies=[_body(link) for link in links])
@@ -170,6 +171,7 @@ class PatchClient:
 
 
 def _body(link: TrackedLink) -> TrackedBody:
+    require_body_name(link.name)
     x, y, z, w = map(float, link.orientation)
     pose = Pose(position=_of(Point, link.position), orientation=Quaternion(x=x, y=y, z=z, w=w))
     twist = Twist(linear=_of(Vector3, link.linear), angular=_of(Vector3, link.angular))
