@@ -45,7 +45,8 @@ def load(path: str | Path, config: RasterConfig | None = None, max_samples: int 
     except InputError:
         raise
     except Exception as error:  # noqa: BLE001  # those of the libraries and of the folder have no common base
-        raise InputError("file", f"{path} cannot be read: {error}") from None
+        cause = error.__cause__ if path.suffix.lower() in GEOREFERENCED else None  # rasterio refers to it
+        raise InputError("file", f"{path} cannot be read: {cause or error}") from None
     return from_image(values, config)
 
 
@@ -65,12 +66,12 @@ def _array(path: Path, max_samples: int) -> NDArray[Any]:
 
 def _image(path: Path, max_samples: int) -> NDArray[Any]:
     try:
-        from PIL import Image
+        from PIL.PngImagePlugin import PngImageFile
     except ModuleNotFoundError:
         raise _missing(path, "Pillow", "pillow", "python3-pil") from None
-    with Image.open(path) as image:
+    with PngImageFile(path) as image:  # Image.open takes other formats too, and has a limit of its own
         _require_size(path, (image.height, image.width), max_samples)
-        if image.mode not in ("L", "I", "I;16", "F"):
+        if image.mode not in ("L", "I", "I;16"):
             raise InputError("type", f"{path} is an image of mode {image.mode}; heights need 8 or 16 bit grey")
         return np.asarray(image)
 
