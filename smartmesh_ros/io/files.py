@@ -38,7 +38,8 @@ def load(path: str | Path, config: RasterConfig | None = None, max_samples: int 
         raise InputError("file", f"{path} has an unknown file type; terrain files end in {', '.join(KINDS)}")
     try:
         if not path.is_file():
-            raise InputError("file", f"there is no file {path}")
+            where = "" if path.is_absolute() else f" in {Path.cwd()}"
+            raise InputError("file", f"there is no file {path}{where}")
         if path.suffix.lower() in GEOREFERENCED:
             return _georeferenced(path, config, max_samples)
         values = _array(path, max_samples) if path.suffix.lower() == ".npy" else _image(path, max_samples)
@@ -121,6 +122,8 @@ def _georeferenced(path: Path, config: RasterConfig, max_samples: int) -> Raster
             horizontal = _unit(path, source.crs)
             config = _in_metres(path, source, band, horizontal, config)
             masked = source.read(band, masked=True)
+            if source.driver == "AAIGrid" and source.nodata is None:
+                masked = np.ma.masked_equal(masked, -9999)  # the default of the format, which GDAL ignores
             place, crs = np.array(source.transform[:6], np.float64), source.crs
             points = source.gcps[0] or source.rpcs
     with np.errstate(over="ignore"):  # a no-data value may be the lowest of float64

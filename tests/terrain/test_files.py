@@ -1,5 +1,6 @@
 """Terrain from files."""
 
+import re
 import struct
 import sys
 import warnings
@@ -45,9 +46,11 @@ def test_arrays_pictures_and_tiffs_without_a_place_are_placed_and_scaled_by_the_
     assert not recwarn.list
 
 
-def test_an_esri_ascii_grid_brings_its_place_and_its_holes(tmp_path: Path) -> None:
+@pytest.mark.parametrize("head", [HEAD, HEAD.replace("NODATA_value -9999\n", "")])
+def test_an_esri_ascii_grid_brings_its_place_and_its_holes(tmp_path: Path, head: str) -> None:
+    """The value of missing heights is -9999 unless the file names another."""
     file = tmp_path / "dem.asc"
-    file.write_text(HEAD + "0 1 2 3\n4 5 6 7\n8 9 -9999 11\n")
+    file.write_text(head + "0 1 2 3\n4 5 6 7\n8 9 -9999 11\n")
     raster = load(file)
     assert height_at(raster, 102.5, 212.5) == 0.0  # the middle of the first cell
     assert height_at(raster, 117.5, 212.5) == 3.0
@@ -261,8 +264,9 @@ def test_what_cannot_be_terrain_is_refused_by_name(tmp_path: Path, name: str) ->
         load(tmp_path / name, max_samples=10_000)
 
 
-def test_a_file_of_a_user_who_is_not_there_is_refused() -> None:
-    with pytest.raises(InputError, match="there is no file ~nobody_here"):
+def test_a_file_that_is_not_there_is_refused_with_the_folder_in_which_it_was_looked_for() -> None:
+    """That is the folder itself where no user has the name after the tilde."""
+    with pytest.raises(InputError, match=f"there is no file ~nobody_here/dem.npy in {re.escape(str(Path.cwd()))}$"):
         load("~nobody_here/dem.npy")
 
 
