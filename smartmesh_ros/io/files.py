@@ -38,14 +38,16 @@ def load(path: str | Path, config: RasterConfig | None = None, max_samples: int 
         raise InputError("file", f"{path} has an unknown file type; terrain files end in {', '.join(KINDS)}")
     try:
         if not path.is_file():
-            raise InputError("file", f"there is no file {path}")
+            where = "" if path.is_absolute() else f" in {Path.cwd()}"
+            raise InputError("file", f"there is no file {path}{where}")
         if path.suffix.lower() in GEOREFERENCED:
             return _georeferenced(path, config, max_samples)
         values = _array(path, max_samples) if path.suffix.lower() == ".npy" else _image(path, max_samples)
     except InputError:
         raise
     except Exception as error:  # noqa: BLE001  # those of the libraries and of the folder have no common base
-        raise InputError("file", f"{path} cannot be read: {error}") from None
+        cause = error.__cause__ if path.suffix.lower() in GEOREFERENCED else None  # rasterio refers to it
+        raise InputError("file", f"{path} cannot be read: {cause or error}") from None
     return from_image(values, config)
 
 
@@ -65,12 +67,12 @@ def _array(path: Path, max_samples: int) -> NDArray[Any]:
 
 def _image(path: Path, max_samples: int) -> NDArray[Any]:
     try:
-        from PIL import Image
+        from PIL.PngImagePlugin import PngImageFile
     except ModuleNotFoundError:
         raise _missing(path, "Pillow", "pillow", "python3-pil") from None
-    with Image.open(path) as image:
+    with PngImageFile(path) as image:  # Image.open takes other formats too, and has a limit of its own
         _require_size(path, (image.height, image.width), max_samples)
-        if image.mode not in ("L", "I", "I;16", "F"):
+        if image.mode not in ("L", "I", "I;16"):
             raise InputError("type", f"{path} is an image of mode {image.mode}; heights need 8 or 16 bit grey")
         return np.asarray(image)
 
@@ -120,6 +122,8 @@ def _georeferenced(path: Path, config: RasterConfig, max_samples: int) -> Raster
             horizontal = _unit(path, source.crs)
             config = _in_metres(path, source, band, horizontal, config)
             masked = source.read(band, masked=True)
+            if source.driver == "AAIGrid" and source.nodata is None:
+                masked = np.ma.masked_equal(masked, -9999)  # the default of the format, which GDAL ignores
             place, crs = np.array(source.transform[:6], np.float64), source.crs
             points = source.gcps[0] or source.rpcs
     with np.errstate(over="ignore"):  # a no-data value may be the lowest of float64

@@ -136,15 +136,15 @@ def node(*, package: str = PACKAGE, executable: str, hint: str = "build and sour
 def own_node(value: Values, executable: str, *parameters: Any, **more: Any) -> Any:
     """Return a node of this package with ``parameters``, files and dictionaries, and what the common arguments say."""
     return node(
-        executable=executable, output="screen", parameters=[*parameters, time_of(value)],
+        executable=executable, output="screen", parameters=[*parameters, *time_of(value)],
         arguments=["--ros-args", "--log-level", value("log_level")], **{"namespace": value("namespace"), **more},
     )  # fmt: skip
 
 
-def time_of(value: Values) -> dict[str, bool]:
+def time_of(value: Values) -> list[dict[str, bool]]:
     """Return the parameter ``use_sim_time`` if the launch argument has a value. Without one it is left to
     `SetParameter` of an outer launch file, which a node's own parameters would override."""
-    return {"use_sim_time": is_true(value, "use_sim_time")} if value("use_sim_time") else {}
+    return [{"use_sim_time": is_true(value, "use_sim_time")}] if value("use_sim_time") else []
 
 
 def is_true(value: Values, name: str) -> bool:
@@ -214,7 +214,7 @@ def _rviz(value: Values, shown: str) -> list[Any]:
     return [
         node(
             package="rviz2", executable="rviz2", hint="apt install ros-jazzy-rviz2, or leave rviz:=true out",
-            arguments=["-d", str(share() / "config" / "smartmesh.rviz")], parameters=[time_of(value)],
+            arguments=["-d", str(share() / "config" / "smartmesh.rviz")], parameters=time_of(value),
             remappings=[(f"/{NODE}/{topic}", f"{there}/{topic}") for topic in SHOWN],
         )
     ]  # fmt: skip

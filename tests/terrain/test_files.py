@@ -1,5 +1,6 @@
 """Terrain from files."""
 
+import re
 import struct
 import sys
 import warnings
@@ -20,6 +21,7 @@ from smartmesh_ros.io.files import load
 from smartmesh_ros.io.rasters import RasterConfig
 
 HEIGHTS = np.arange(12, dtype=np.float32).reshape(3, 4)  # first row at the top
+HEAD = "ncols 4\nnrows 3\nxllcorner 100.0\nyllcorner 200.0\ncellsize 5.0\nNODATA_value -9999\n"  # of an ASCII grid
 
 
 def height_at(raster: Any, x: float, y: float) -> float:
@@ -44,12 +46,11 @@ def test_arrays_pictures_and_tiffs_without_a_place_are_placed_and_scaled_by_the_
     assert not recwarn.list
 
 
-def test_an_esri_ascii_grid_brings_its_place_and_its_holes(tmp_path: Path) -> None:
+@pytest.mark.parametrize("head", [HEAD, HEAD.replace("NODATA_value -9999\n", "")])
+def test_an_esri_ascii_grid_brings_its_place_and_its_holes(tmp_path: Path, head: str) -> None:
+    """The value of missing heights is -9999 unless the file names another."""
     file = tmp_path / "dem.asc"
-    file.write_text(
-        "ncols 4\nnrows 3\nxllcorner 100.0\nyllcorner 200.0\ncellsize 5.0\nNODATA_value -9999\n"
-        "0 1 2 3\n4 5 6 7\n8 9 -9999 11\n"
-    )
+    file.write_text(head + "0 1 2 3\n4 5 6 7\n8 9 -9999 11\n")
     raster = load(file)
     assert height_at(raster, 102.5, 212.5) == 0.0  # the middle of the first cell
     assert height_at(raster, 117.5, 212.5) == 3.0
@@ -232,11 +233,13 @@ WRONG: dict[str, tuple[Any, str]] = {
     "archive.npy": (lambda path: np.savez(path.open("wb"), HEIGHTS), "an archive of arrays"),
     "large.npy": (array(np.zeros((200, 200))), "200 x 200"),
     "colour.png": (Image.new("RGB", (4, 4)).save, "RGB"),
-    "huge.png": (lambda path: path.write_bytes(HUGE), "exceeds limit"),
+    "huge.png": (lambda path: path.write_bytes(HUGE), "30000 x 30000 samples; the maximum is"),
+    "photo.png": (lambda path: Image.new("L", (4, 4)).save(path, "JPEG"), "not a PNG file"),
     "spoilt.png": (lambda path: path.write_bytes(SPOILT), "broken PNG file"),
     "broken.png": (lambda path: path.write_bytes(b"\x89PNG\r\n\x1a\nnothing"), "cannot be read"),
     "broken.npy": (lambda path: path.write_bytes(b"nothing"), "cannot be read: it is no array of numbers; write one"),
     "broken.tif": (lambda path: path.write_bytes(b"nothing"), "cannot be read"),
+    "short.asc": (lambda path: path.write_text(HEAD + "0 1 2 3\n4 5 6\n"), "cannot be read: .*File short"),
     "degrees.tif": (tiff(SQUARE, "EPSG:4326"), "reproject"),
     "oblong.tif": (tiff(Affine.scale(2.0, -3.0)), "not square"),
     "upside_down.tif": (tiff(Affine.scale(2.0, 2.0)), "top to bottom"),
@@ -261,8 +264,9 @@ def test_what_cannot_be_terrain_is_refused_by_name(tmp_path: Path, name: str) ->
         load(tmp_path / name, max_samples=10_000)
 
 
-def test_a_file_of_a_user_who_is_not_there_is_refused() -> None:
-    with pytest.raises(InputError, match="there is no file ~nobody_here"):
+def test_a_file_that_is_not_there_is_refused_with_the_folder_in_which_it_was_looked_for() -> None:
+    """That is the folder itself where no user has the name after the tilde."""
+    with pytest.raises(InputError, match=f"there is no file ~nobody_here/dem.npy in {re.escape(str(Path.cwd()))}$"):
         load("~nobody_here/dem.npy")
 
 
