@@ -145,9 +145,8 @@ def _checked_triangles(triangles: ArrayLike, count: int) -> IntArray:
         raise InputError("type", f"triangles are of type {corners.dtype}; they must be whole numbers")
     corners = np.array(corners, np.int64, order="C")
     if corners.min() < 0 or corners.max() >= count:
-        raise InputError(
-            "index", f"a triangle uses vertex {corners.min()} or {corners.max()}; there are {count}, counted from 0"
-        )
+        wrong = corners.min() if corners.min() < 0 else corners.max()
+        raise InputError("index", f"a triangle uses vertex {wrong}; there are {count}, counted from 0")
     if (corners == np.roll(corners, 1, axis=1)).any():
         raise InputError("index", "a triangle uses the same vertex twice; its corners must be distinct")
     return corners
