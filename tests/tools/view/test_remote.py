@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import Point
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
+from shape_msgs.msg import Mesh
 from smartmesh_msgs.msg import ColliderPatch, ColliderPatchArray, Heightmap, TrackedBodyArray
 
 from smartmesh_ros.tools.client.remote import Remote
@@ -43,10 +45,11 @@ def test_tiles_that_are_published_in_a_burst_are_all_shown(remote: Remote, probe
 def test_patches_are_those_of_the_newest_whole_message_and_of_all_changes_after(remote: Remote) -> None:
     rng = np.random.default_rng(0)
     known: dict[str, int] = {}
+    a_point = Mesh(vertices=[Point()])
     for _ in range(30):
         for _ in range(int(rng.integers(5))):
             whole, names = rng.random() < 0.3, rng.choice([*"abcdef"], 2, replace=False).tolist()
-            patches = [ColliderPatch(body_id=name, row=int(rng.integers(1000))) for name in names]
+            patches = [ColliderPatch(body_id=name, row=int(rng.integers(1000)), mesh=a_point) for name in names]
             gone = rng.choice([*"abcdef"], 1).tolist()
             message = ColliderPatchArray(incremental=not whole, removed=gone, patches=patches)
             remote._take("collider_patches", serialize_message(message))
