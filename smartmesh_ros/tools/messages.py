@@ -16,8 +16,10 @@ from shape_msgs.msg import MeshTriangle
 from smartmesh_msgs.msg import Heightmap, MaterialLayer, TerrainMesh
 from visualization_msgs.msg import Marker
 
+from smartmesh_ros.errors import require
 from smartmesh_ros.node.inputs.cdr_reader import map_from
 from smartmesh_ros.node.outputs.cdr import floats
+from smartmesh_ros.terrain.checked_heights import unmasked
 
 
 def heightmap_message(
@@ -34,9 +36,11 @@ def heightmap_message(
     layers: Mapping[str, ArrayLike] = MappingProxyType({}),
     stamp: Any = None,
 ) -> Heightmap:
-    """Return a Heightmap message from heights (rows, columns) [m]; ``friction``: one coefficient, or those of the
-    samples; ``soil``: places of soils (rows, columns); ``layers``: further ones of the material, by name."""
-    grid = np.asarray(heights, np.float32)
+    """Return a Heightmap message from heights (rows, columns) [m], masked or NaN = a hole; ``friction``: one
+    coefficient, or those of the samples; ``soil``: places of soils (rows, columns); ``layers``: further ones of the
+    material, by name."""
+    grid = unmasked(heights, "heights")
+    require(grid.ndim == 2, "length", "the shape of heights", grid.shape, "(rows, columns)")
     message = Heightmap(tile=tile, heights=floats(grid))
     message.header.frame_id = frame_id
     if stamp is not None:
@@ -45,9 +49,9 @@ def heightmap_message(
     message.info.resolution = resolution
     message.info.origin = pose_message(origin, yaw)
     if velocities is not None:
-        message.velocities = floats(np.asarray(velocities, np.float32))
+        message.velocities = floats(unmasked(velocities))
     if friction is not None:
-        message.friction = floats(np.asarray(friction, np.float32))
+        message.friction = floats(unmasked(friction))
     if soil is not None:
         message.soil = array("B", np.asarray(soil, np.uint8).tobytes())
     message.layers = [layer_message(name, values) for name, values in layers.items()]
@@ -56,7 +60,7 @@ def heightmap_message(
 
 def layer_message(name: str, values: ArrayLike) -> MaterialLayer:
     """Return a MaterialLayer message from one number, or numbers (rows, columns)."""
-    return MaterialLayer(name=name, values=floats(np.asarray(values, np.float32)))
+    return MaterialLayer(name=name, values=floats(unmasked(values)))
 
 
 def mesh_message(

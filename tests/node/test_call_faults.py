@@ -65,6 +65,7 @@ class Wire:
 @pytest.fixture
 def wire(monkeypatch: pytest.MonkeyPatch) -> Wire:
     monkeypatch.setattr(rates, "DISCOVERY_TIME", 0.0)
+    monkeypatch.setattr(rates, "ALL_PATCHES_PERIOD", math.inf)
     monkeypatch.setattr(transform_outputs, "LISTENING_TIME", 0.0)
     return Wire(monkeypatch)
 

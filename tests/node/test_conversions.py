@@ -33,6 +33,19 @@ grids = npst.arrays(np.float32, st.tuples(st.integers(3, 12), st.integers(3, 12)
 places = st.tuples(*[st.floats(-1e3, 1e3)] * 3)
 
 
+def test_masked_heights_are_holes_and_others_than_a_grid_are_refused() -> None:
+    """A mask that is left out would make ground of what is no ground."""
+    heights = np.ma.masked_equal(np.where(np.eye(4), -9999.0, 1.0), -9999.0)
+    message = heightmap_message(heights, friction=heights, layers={"damping": heights})
+    raster = map_from(serialize_message(message)).raster
+    assert raster is not None
+    for values in (raster.heights, raster.material.friction, raster.material.damping):
+        np.testing.assert_array_equal(np.isnan(values), np.eye(4))
+    for values in (np.zeros(4), [[0.0], [0.0, 0.0]]):
+        with pytest.raises(InputError, match="heights"):
+            heightmap_message(values)
+
+
 @settings(deadline=None)
 @given(texts, texts, grids, places, st.floats(-3.1, 3.1), st.booleans(), st.sampled_from(["", "one", "each"]))
 def test_a_map_is_what_was_sent(

@@ -12,13 +12,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from std_srvs.srv import SetBool
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.startup.dds import in_use, isolated, isolated_unless_chosen, require_domain
+from smartmesh_ros.tools.client import PatchClient
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, bags, heightmap_message
 from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
 from smartmesh_ros.tools.testing.process import start_command
-from tests.node.shared import show_map, wait_until
+from tests.node.shared import LATCHED, show_map, wait_until
 from tests.preloaded import has_ended
 
 STARTS_A_NODE = """
@@ -99,11 +102,37 @@ def test_a_wait_in_vain_says_why(shared: Probe) -> None:
 def test_a_wait_for_a_misspelt_name_says_which_one_may_be_meant(shared: Probe, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shared, "wait_for", partial(shared.wait_for, timeout=0.5))
     with pytest.raises(
-        AssertionError, match=r"there is no topic /shared/\S+/contac; did you mean 'contacts'\?; waited"
+        AssertionError, match=r"there is no publisher of /shared/\S+/contac; did you mean 'contacts'\?; waited"
     ):
         shared.latest("contac")
     with pytest.raises(AssertionError, match=r"no std_srvs/srv/SetBool service \S+/puse; did you mean 'pause'\?"):
         shared.call("puse", SetBool, data=True)
+    with pytest.raises(AssertionError, match=r"no subscription of \S+/joint_command; did you mean 'joint_commands'\?"):
+        shared.publisher(JointState, "joint_command")
+
+
+def test_the_last_message_of_a_latched_topic_is_the_first_that_comes(shared: Probe) -> None:
+    shared.node.create_publisher(String, "/latched", LATCHED).publish(String(data="last"))
+    assert shared.latest("/latched").data == "last"
+
+
+def test_a_call_that_says_other_than_its_service_is_no_call(shared: Probe) -> None:
+    """ROS leaves out a misspelt field, and makes nonsense of a wrong type or ends Python."""
+    for fields, words in (({"dat": True}, "dat"), ({"data": "yes"}, "must be of type 'bool'")):
+        with pytest.raises(AssertionError, match=words):
+            shared.call("pause", SetBool, **fields)
+    with pytest.raises(RuntimeError, match="incompatible type"):
+        shared.call("pause", Trigger)
+
+
+def test_probes_and_clients_end_after_a_signal_has_ended_ros_or_twice() -> None:
+    """Ctrl-C ends all contexts of a program that has called ``rclpy.init``."""
+    with Probe() as probe, PatchClient() as client:
+        probe.context.shutdown()
+        client.node.context.shutdown()
+    with Probe() as probe, PatchClient() as client:
+        probe.close()
+        client.close()
 
 
 def test_a_probe_listens_in_a_namespace_to_its_own_node(shared: Probe) -> None:
@@ -124,10 +153,18 @@ def test_a_probe_listens_in_a_namespace_to_its_own_node(shared: Probe) -> None:
         assert other.diagnostics("terrain")["message"] == "no map yet"
 
 
+def test_a_node_that_is_started_in_the_place_of_a_killed_one_gets_its_first_map(udp_only: None) -> None:
+    with Probe() as probe, probe.running() as first:
+        first.stop(signal.SIGKILL)
+        with probe.running():
+            probe.publish_map(np.zeros((3, 3)))
+            probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] == "9")
+
+
 def test_a_topic_of_a_bag_that_nobody_subscribes_to_is_named(probe: Probe, tmp_path: Path) -> None:
     bags.write(tmp_path / "bag", [("/maps", 0.0, heightmap_message([[0.0] * 3] * 3))])
     with pytest.raises(AssertionError, match=r"nobody subscribes to /maps after 0.5 s; remap renames topics"):
-        bags.play(tmp_path / "bag", probe.node, probe.spin, timeout=0.5)
+        bags.play(str(tmp_path / "bag"), probe.node, probe.spin, timeout=0.5)
 
 
 def test_a_domain_that_somebody_is_in_is_left_alone() -> None:

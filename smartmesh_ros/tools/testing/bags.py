@@ -20,7 +20,7 @@ from smartmesh_ros.tools.testing.process import TIMEOUT
 Storage = Literal["sqlite3", "mcap"]
 
 
-def write(path: Path, messages: Iterable[tuple[str, float, Any]], storage: Storage = "mcap") -> None:
+def write(path: str | Path, messages: Iterable[tuple[str, float, Any]], storage: Storage = "mcap") -> None:
     """Write (topic, time [s], message) to a new bag, the folder ``path``; for (service, time [s], request) the event of
     the call."""
     connections: dict[tuple[str, str], Any] = {}
@@ -32,14 +32,14 @@ def write(path: Path, messages: Iterable[tuple[str, float, Any]], storage: Stora
             writer.write(connections[key], round(record.time * 1e9), record.data)
 
 
-def read(path: Path) -> Iterator[Record]:
+def read(path: str | Path) -> Iterator[Record]:
     """Yield the messages of a bag in the order of recording."""
-    bag = Bag(path)
+    bag = Bag(Path(path))
     return bag.records(bag.topics)
 
 
 def play(
-    path: Path,
+    path: str | Path,
     node: Node,
     spin: Callable[[float], None],
     *,

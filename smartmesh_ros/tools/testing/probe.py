@@ -16,10 +16,12 @@ from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.utilities import try_shutdown
 from smartmesh_msgs import msg
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.errors import suggestion
+from smartmesh_ros.tools.client.remote import BEST
 from smartmesh_ros.tools.messages import heightmap_message, points_of, pose_message
 from smartmesh_ros.tools.replay.bag import class_of, type_of
 from smartmesh_ros.tools.testing.process import START_TIMEOUT, TIMEOUT, Process
@@ -65,7 +67,7 @@ class Probe:
         self.received: dict[str, list[Any]] = {}
         self._executor = EventsExecutor(context=self.context)
         self._executor.add_node(self.node)
-        self._services: dict[str, Any] = {}
+        self._services: dict[tuple[str, Any], Any] = {}
         self._processes: list[Process] = []
         self.publishers = {
             topic: self.node.create_publisher(kind, self.topic(topic), 10) for topic, kind in _INPUTS.items()
@@ -84,7 +86,7 @@ class Probe:
         """End the probe."""
         self._executor.shutdown()
         self.node.destroy_node()
-        rclpy.shutdown(context=self.context)
+        try_shutdown(context=self.context)
 
     def topic(self, name: str) -> str:
         """Return the full name of a topic or service below the collider's name; a name with a leading ``/`` is kept."""
@@ -120,6 +122,7 @@ class Probe:
             self._processes.append(process)
             try:
                 if (package, name) == ("smartmesh_ros", "terrain_collider"):
+                    self.received[DIAGNOSTICS].clear()  # of one that was killed, which stays connected for a while
                     self.wait_for(self.connected, timeout=timeout, watch=process)
                 yield process
             finally:
@@ -131,7 +134,9 @@ class Probe:
         """Return a publisher of messages ``kind`` on ``topic`` (below the collider's name, or a full name) once it has
         a subscriber, and is matched with the collider if the collider subscribes to the topic."""
         publisher = self.node.create_publisher(kind, self.topic(topic), qos)
-        self.wait_for(lambda: publisher.get_subscription_count() and self._is_matched([publisher]))
+        with self._naming("subscription of", topic, self.node.get_topic_names_and_types):
+            self.wait_for(publisher.get_subscription_count)
+        self.wait_for(lambda: self._is_matched([publisher]))
         return publisher
 
     def connected(self) -> bool:
@@ -192,11 +197,12 @@ class Probe:
         return "\n".join(lines)
 
     def latest(self, topic: str) -> Any:
-        """Wait for the next message of an output (below the collider's name, or a full name); return it."""
+        """Wait for the next message of an output (below the collider's name, or a full name), at first the last one of
+        a latched topic; return it."""
         if (name := self.topic(topic)) not in self.received:
-            with self._naming("topic", topic, self.node.get_topic_names_and_types):
-                [kind] = self.wait_for(lambda: dict(self.node.get_topic_names_and_types()).get(name))
-            self.listen(topic, class_of(kind))
+            with self._naming("publisher of", topic, self.node.get_topic_names_and_types):
+                [info, *_] = self.wait_for(lambda: self.node.get_publishers_info_by_topic(name))
+            self.listen(topic, class_of(info.topic_type), QoSProfile(depth=100, **BEST))
         messages = self.received[name]
         seen = len(messages)
         self.wait_for(lambda: len(messages) > seen)
@@ -204,15 +210,15 @@ class Probe:
 
     def client(self, service: str, kind: Any) -> Any:
         """Return a client of a service (below the collider's name, or a full name) once the service is available."""
-        name = self.topic(service)
-        if name not in self._services:
-            self._services[name] = self.node.create_client(kind, name, qos_profile=_SERVICE_QOS)
+        key = self.topic(service), kind
+        if key not in self._services:
+            self._services[key] = self.node.create_client(kind, key[0], qos_profile=_SERVICE_QOS)
             # The executor must know the client before a response can come: rmw_fastrtps does not report one that comes
             # while the executor asks for reports. Tasks wait behind the news of the client.
             self.wait_for(self._executor.create_task(lambda: None).done)
         with self._naming(f"{type_of(kind)} service", service, self.node.get_service_names_and_types):
-            self.wait_for(self._services[name].service_is_ready)
-        return self._services[name]
+            self.wait_for(self._services[key].service_is_ready)
+        return self._services[key]
 
     @contextmanager
     def _naming(self, what: str, name: str, known: Callable[[], list[tuple[str, list[str]]]]) -> Iterator[None]:
@@ -225,8 +231,9 @@ class Probe:
             raise AssertionError(f"there is no {what} {missing}{suggestion(name, others)}; {error}") from None
 
     def call(self, service: str, kind: Any, **fields: Any) -> Any:
-        """Call a service (below the collider's name, or a full name); return its response."""
-        future = self.client(service, kind).call_async(kind.Request(**fields))
+        """Call a service (below the collider's name, or a full name); return its response. Raises `AssertionError` if
+        the request has no field of a name or type."""
+        future = self.client(service, kind).call_async(kind.Request(check_fields=True, **fields))
         self.wait_for(future.done)
         return future.result()
 
