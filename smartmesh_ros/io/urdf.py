@@ -26,7 +26,7 @@ def checked_urdf(urdf: str, folders: Sequence[Path]) -> str:
     one of the allowed ``folders``, as its meshes must. Raises `InputError`."""
     length = len(urdf)
     if not is_text(urdf):
-        path = require_inside(Path(urdf), folders, f"URDF file {urdf!r}")
+        path = require_inside(Path(urdf), folders, f"URDF file {urdf!r}", cure=AS_TEXT)
         if not path.is_file():
             raise InputError("urdf", f"there is no URDF file {urdf!r}")
         urdf, length = str(path), path.stat().st_size
@@ -41,7 +41,7 @@ def checked_urdf(urdf: str, folders: Sequence[Path]) -> str:
             for mesh in collision.iter("mesh"):
                 name = mesh.get("filename", "")
                 named = _named_mesh(name, robot.folder)
-                require_inside(named, folders, f"the URDF names the file {name!r}, which", cure="")
+                require_inside(named, folders, f"the URDF names the file {name!r}, which")
     return urdf
 
 
@@ -58,7 +58,7 @@ def _named_mesh(name: str, folder: Path | None) -> Path:
         raise InputError(error.reason, f"{error}; {words}") from None
 
 
-def require_inside(path: Path, folders: Sequence[Path], what: str, cure: str = AS_TEXT) -> Path:
+def require_inside(path: Path, folders: Sequence[Path], what: str, cure: str = "") -> Path:
     """Return the resolved path of a file or folder; raises `InputError` if it is in none of the allowed ``folders``.
     ``cure``: what else would be right."""
     resolved = _resolved(path)

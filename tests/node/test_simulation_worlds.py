@@ -152,6 +152,7 @@ def test_a_world_that_is_refused_changes_nothing(run: Replay, worlds: Path) -> N
     ):
         result = ask(run, "load_world", **fields).result
         assert (result.result, bool(result.error_message)) == (code, True), (fields, result.error_message)
+        assert "send the text" not in result.error_message, "a terrain file has none"
     assert ask(run, "get_current_world").world == before
     assert set(entities(run)) == {"ball", "rover"}
     assert height(run, 4.0) == pytest.approx(0.8, abs=1e-6)
