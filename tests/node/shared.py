@@ -39,6 +39,11 @@ ROOT = Path(__file__).parents[2]
 Logged = Callable[[], str]  # the fixture `logged`
 BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+# Environment in which nodes share no memory with the tests; see the file.
+UDP_ONLY = {
+    "FASTRTPS_DEFAULT_PROFILES_FILE": str(Path(__file__).parent / "udp_only.xml"),
+    "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
+}
 
 
 class Log:

@@ -17,16 +17,9 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet import command, layout
 from smartmesh_ros.node.fleet.front import Front
 from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
-from tests.node.shared import BALL, Logged, fed, made_with, stamped
+from tests.node.shared import BALL, UDP_ONLY, Logged, fed, made_with, stamped
 
 NODES = layout.node_names(2)
-# Environment in which nodes send by UDP within this machine, and share no memory with the tests: Fast DDS 2.14 may
-# crash when a participant ends that with a killed one (in ``SharedMemChannelResource::release``), here the tests' own.
-UDP_ONLY = {
-    "FASTRTPS_DEFAULT_PROFILES_FILE": str(Path(__file__).parent / "udp_only.xml"),
-    # With LOCALHOST, rmw_fastrtps adds shared memory to any profile, and ignores FASTDDS_BUILTIN_TRANSPORTS.
-    "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
-}
 # After which silence the front takes a node for dead [s]: longer than a busy machine lets one wait.
 FRONT_TIMEOUT = 5.0
 PHYSICS = {"physics.rate": 120.0, "physics.restitution": 0.97, "physics.friction": 0.0, "bodies.timeout": 2.0}

@@ -21,7 +21,7 @@ from smartmesh_ros.tools.client import PatchClient
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, bags, heightmap_message
 from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
 from smartmesh_ros.tools.testing.process import start_command
-from tests.node.shared import LATCHED, show_map, wait_until
+from tests.node.shared import LATCHED, UDP_ONLY, show_map, wait_until
 from tests.preloaded import has_ended
 
 STARTS_A_NODE = """
@@ -153,10 +153,10 @@ def test_a_probe_listens_in_a_namespace_to_its_own_node(shared: Probe) -> None:
         assert other.diagnostics("terrain")["message"] == "no map yet"
 
 
-def test_a_node_that_is_started_in_the_place_of_a_killed_one_gets_its_first_map(udp_only: None) -> None:
-    with Probe() as probe, probe.running() as first:
+def test_a_node_that_is_started_in_the_place_of_a_killed_one_gets_its_first_map() -> None:
+    with Probe() as probe, probe.running(environment=UDP_ONLY) as first:
         first.stop(signal.SIGKILL)
-        with probe.running():
+        with probe.running(environment=UDP_ONLY):
             probe.publish_map(np.zeros((3, 3)))
             probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] == "9")
 
