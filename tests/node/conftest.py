@@ -42,9 +42,6 @@ def executables(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Process, "starter", staticmethod(start_command))
 
 
-NOTHING = {"simulated": "0", "tracked": "0", "patches": "0"}
-
-
 def clear(probe: Probe, start: Any) -> None:
     """Has the node go on from its first state, without bodies and terrain, again until no message is under way any
     more. Parameters and counts of what was refused stay as they are."""
@@ -53,7 +50,8 @@ def clear(probe: Probe, start: Any) -> None:
         answer = probe.call("restore_state", RestoreState, state=start)
         assert answer.success, answer.message
         found = probe.diagnostics_by_task()
-        return found["terrain"]["tiles"] == "0" and NOTHING.items() <= found["bodies"].items()
+        counts = [found["terrain"]["tiles"], *(found["bodies"][name] for name in ("simulated", "tracked", "patches"))]
+        return counts == ["0"] * 4
 
     assert probe.call("pause", SetBool, data=False).success
     probe.wait_for(start_over)
