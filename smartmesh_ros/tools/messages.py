@@ -95,7 +95,8 @@ def points_of(marker: Marker) -> NDArray[np.float64]:
 
 
 def assert_on_map(points: NDArray[np.float64], message: Heightmap, tolerance: float = 1e-6) -> None:
-    """Assert that every point (n, 3) [m] has the place and height of a sample of the map, within ``tolerance`` [m]."""
+    """Assert that every point (n, 3) [m] has the place and height of a sample of the map, NaN in holes, within
+    ``tolerance`` [m]."""
     raster = map_from(serialize_message(message)).raster
     assert raster is not None, "the map is empty"
     grid = raster.geometry
@@ -104,4 +105,4 @@ def assert_on_map(points: NDArray[np.float64], message: Heightmap, tolerance: fl
     assert np.abs(places - cells).max() * grid.resolution <= tolerance, "a vertex is not at a sample's place"
     assert ((cells >= 0) & (cells <= grid.last)).all(), "a vertex is outside the map"
     expected = raster.heights[cells[:, 0], cells[:, 1]].astype(float) + grid.origin[2]
-    assert np.abs(points[:, 2] - expected).max() <= tolerance, "a vertex is not at its sample's height"
+    np.testing.assert_allclose(points[:, 2], expected, 0.0, tolerance, err_msg="a vertex is not at its sample's height")

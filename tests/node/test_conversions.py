@@ -23,7 +23,7 @@ from smartmesh_ros.node.fleet.peers import PeerReader
 from smartmesh_ros.node.inputs.cdr_reader import map_from
 from smartmesh_ros.node.inputs.conversions import primitive_of, shape_of_primitive
 from smartmesh_ros.node.outputs.body_outputs import description
-from smartmesh_ros.tools.testing import heightmap_message
+from smartmesh_ros.tools.testing import assert_on_map, heightmap_message
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.state_table import require_valid
 
@@ -44,6 +44,15 @@ def test_masked_heights_are_holes_and_others_than_a_grid_are_refused() -> None:
     for values in (np.zeros(4), [[0.0], [0.0, 0.0]]):
         with pytest.raises(InputError, match="heights"):
             heightmap_message(values)
+
+
+def test_vertices_in_holes_are_on_the_map_and_others_without_height_are_not() -> None:
+    heights = np.where(np.eye(4), np.nan, 1.0)
+    rows, columns = np.indices((4, 4))
+    vertices = np.column_stack([0.1 * columns.ravel(), 0.1 * rows.ravel(), heights.ravel()])
+    assert_on_map(vertices, heightmap_message(heights))
+    with pytest.raises(AssertionError, match="a vertex is not at its sample's height"):
+        assert_on_map(vertices, heightmap_message(np.ones((4, 4))))
 
 
 @settings(deadline=None)

@@ -71,6 +71,8 @@ class Patch:
         """Return the patch extrapolated by ``time`` [s] (negative = backwards), to first order in the twist, with
         other ``changes`` of fields. The cached shape and centre are reused."""
         vertices = self.vertices_w
+        if not len(vertices):
+            return replace(self, moved=self.moved + time, **changes)
         if time and (self.linear_w.any() or self.angular_w.any()):
             x, y, z = self.angular_w.tolist()
             away = vertices[:, :2] - vertices[self.centre, :2]
@@ -115,8 +117,6 @@ def _patch(reader: CdrReader) -> Patch:
     deviation = reader.number("f")
     twist = np.array(reader.numbers("d", 6))
     triangles, vertices = reader.sequence("u4", 3), reader.sequence("f8", 3)
-    if not len(vertices):
-        raise InputError("malformed", f"the patch of {name!r} has no vertices")
     if triangles.size and int(triangles.max()) >= len(vertices):
         raise InputError("malformed", f"a triangle of the patch of {name!r} has a corner that is no vertex")
     return Patch(
