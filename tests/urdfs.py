@@ -42,13 +42,14 @@ def link(
 
 
 def joint(
-    name: str, kind: str, parent: str, child: str, more: str = "", xyz: str = "0 0 0.3", axis: str = "0 1 0"
-) -> str:
+    name: str, kind: str, parent: str, child: str, more: str = "",
+    xyz: str = "0 0 0.3", axis: str = "0 1 0", rpy: str = "0 0 0",
+) -> str:  # fmt: skip
     """A joint at a place [m] of its parent; without a type if ``kind`` is empty."""
     typed = f'type="{kind}"' if kind else ""
     return (
-        f'<joint name="{name}" {typed}><parent link="{parent}"/><child link="{child}"/><origin xyz="{xyz}"/>'
-        f'<axis xyz="{axis}"/>{more}</joint>'
+        f'<joint name="{name}" {typed}><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>{more}</joint>'
     )
 
 

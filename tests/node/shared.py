@@ -70,10 +70,10 @@ def show_level_ground(probe: Probe, size: int = 60) -> None:
 
 
 def transform_message(
-    probe: Probe | Fed, parent: str, child: str, position: Sequence[float] = (0.0, 0.0, 0.0), yaw: float = 0.0
+    node: Fed, parent: str, child: str, position: Sequence[float] = (0.0, 0.0, 0.0), yaw: float = 0.0
 ) -> TransformStamped:
     """A transform with now as its stamp: ``child`` is at a position [m] of ``parent``, turned about z [rad]."""
-    made, pose = stamped(probe, TransformStamped(child_frame_id=child), parent), pose_message(position, yaw)
+    made, pose = stamped(node, TransformStamped(child_frame_id=child), parent), pose_message(position, yaw)
     for axis in "xyz":
         setattr(made.transform.translation, axis, getattr(pose.position, axis))
     made.transform.rotation = pose.orientation

@@ -13,6 +13,7 @@ from grid_map_msgs.msg import GridMap
 from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
 from smartmesh_msgs.msg import Heightmap
+from smartmesh_msgs.srv import StartEpisode
 from std_srvs.srv import Trigger
 
 from smartmesh_ros import BodyState, Box
@@ -135,7 +136,8 @@ def test_the_shipped_bag_of_a_mapper_is_taken_and_after_a_reset_again(logged: Lo
 
 
 def test_older_stamps_are_taken_again_and_bodies_stay_where_they_are() -> None:
-    """The clock of the source was set back by an hour. A map that was only overtaken is neither taken nor refused."""
+    """The clock of the source was set back by an hour, and for an episode by another. A map that was only overtaken is
+    neither taken nor refused."""
     with fed({}) as node:
         start = seconds(node.now())
         for stamp in (start, start - 0.1):
@@ -153,6 +155,10 @@ def test_older_stamps_are_taken_again_and_bodies_stay_where_they_are() -> None:
             node.give("heightmap", message)
             assert node.world.terrain.tiles[""].version == 1 + number
         assert node.world.state("box").position == pytest.approx(place, abs=0.002)
+        assert node.call("start_episode", StartEpisode.Request()).success
+        message.header.stamp = stamp_of(start - 7200.0)
+        node.give("heightmap", message)
+        assert node.node.refusals.counts.total() == 1
 
 
 SPEED = 0.1  # of ground that rises [m/s]

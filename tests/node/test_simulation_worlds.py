@@ -104,11 +104,15 @@ def test_a_world_takes_the_place_of_another(run: Replay, worlds: Path) -> None:
     assert ask(run, "get_named_poses", tags=TagsFilter(tags=["parking"])).poses == []
     assert height(run, 4.0) == pytest.approx(0.8, abs=1e-6)
 
+    run.world.step(12)
+    run.world.remove("rover")
+    assert ask(run, "start_episode", seed=4).success and (run.world.time, run.world.seed) == (0.0, 4)
+    assert set(entities(run)) == {"ball", "rover"}
+    assert height(run, 4.0) == pytest.approx(0.8, abs=1e-6), "an episode begins with the new world"
+
     assert ask(run, "load_world", uri=f"file://{worlds}/slope.npy").world.name == "slope"
     assert (entities(run), state(run)) == ([], s.STATE_STOPPED)
     assert height(run, 4.0) == pytest.approx(1.6, abs=1e-6), "cells of 0.25 m, by the parameter"
-    assert ask(run, "start_episode", seed=4).success and (run.world.time, run.world.seed) == (0.0, 4)
-    assert height(run, 4.0) == pytest.approx(1.6, abs=1e-6), "an episode begins with the new world"
 
     done(run, "unload_world")
     assert ask(run, "get_current_world").result.result == none

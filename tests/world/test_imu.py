@@ -26,21 +26,24 @@ def taken(imu: Imu) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def test_in_free_fall_it_measures_nothing_and_off_the_centre_the_spin() -> None:
-    """A link at a distance from the centre of mass of a robot that spins feels -w^2 r along its lever."""
+    """A link at a distance from the centre of mass of a robot that spins feels -w^2 r along its lever. Its axes are its
+    own: the y axis is upright."""
     rod = urdfs.robot(
         urdfs.link("base", urdfs.box((0.2, 0.2, 0.2)), 10.0, 1.0, at="0.1 0 0"),
         urdfs.link("imu", "", 1e-6, 1e-9, at="0.1 0.2 0"),  # its centre of mass is elsewhere
-        urdfs.joint("mount", "fixed", "base", "imu", xyz="0.4 0 0"),
+        urdfs.joint("mount", "fixed", "base", "imu", xyz="0.4 0 0", rpy=f"{0.5 * math.pi} 0 0"),
     )  # fmt: skip
     with World() as world:
         world.spawn("box", Box(0.4, 0.3, 0.2), 1.0, BodyState((0.0, 0.0, 50.0), linear=(1, 0, 3), angular=(0, 0, 3)))
         world.spawn_robot("rod", rod, BodyState((5.0, 0.0, 50.0), angular=(0.0, 0.0, 5.0)))
         centre, base, tip = Imu(world, "box"), Imu(world, "rod"), Imu(world, "rod", "imu")
         world.step(240)
-        for imu, force, rate in ((centre, 0.0, 3.0), (base, 5.0**2 * 0.1, 5.0), (tip, -(5.0**2) * 0.3, 5.0)):
+        for imu, force, spin in (
+            (centre, 0.0, (0, 0, 3)), (base, 5.0**2 * 0.1, (0, 0, 5)), (tip, -(5.0**2) * 0.3, (0, 5, 0)),
+        ):  # fmt: skip
             _, forces, rates = taken(imu)
             np.testing.assert_allclose(forces, np.tile([force, 0.0, 0.0], (len(forces), 1)), atol=1e-3)
-            np.testing.assert_allclose(rates, np.tile([0.0, 0.0, rate], (len(rates), 1)), atol=1e-3)
+            np.testing.assert_allclose(rates, np.tile(spin, (len(rates), 1)), atol=1e-3)
 
 
 def test_readings_add_up_to_the_motion_impacts_included() -> None:
