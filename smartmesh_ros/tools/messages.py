@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion
 from numpy.typing import ArrayLike, NDArray
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from shape_msgs.msg import MeshTriangle
 from smartmesh_msgs.msg import Heightmap, MaterialLayer, TerrainMesh
@@ -20,6 +21,11 @@ from smartmesh_ros.errors import require
 from smartmesh_ros.node.inputs.cdr_reader import map_from
 from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.terrain.checked_heights import unmasked
+
+# Quality of service of a subscription that takes what is on offer, of any publisher.
+BEST: dict[str, Any] = {
+    "durability": DurabilityPolicy.BEST_AVAILABLE, "reliability": ReliabilityPolicy.BEST_AVAILABLE
+}  # fmt: skip
 
 
 def heightmap_message(

@@ -18,7 +18,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.utilities import try_shutdown
 from rclpy.validate_full_topic_name import validate_full_topic_name
@@ -35,6 +35,7 @@ from smartmesh_ros.tools.client.drawn_scene import drawn_scene
 from smartmesh_ros.tools.client.ground import MAPS, Ground
 from smartmesh_ros.tools.client.patch import PatchesMessage, read_patches
 from smartmesh_ros.tools.client.sight import KINDS, Sight
+from smartmesh_ros.tools.messages import BEST
 
 # Types of the shown outputs. Outputs without subscribers are not built by the node.
 OUTPUTS: dict[str, Any] = {
@@ -46,9 +47,6 @@ SERVICES = {
 # Topics of which only the newest message is shown, and the depth of the others' queues: every region and tile counts,
 # and at 60 Hz 200 last for 3 s.
 NEWEST, DEPTH = KINDS.keys() - {"odometry"}, 200
-BEST: dict[str, Any] = {
-    "durability": DurabilityPolicy.BEST_AVAILABLE, "reliability": ReliabilityPolicy.BEST_AVAILABLE
-}  # fmt: skip
 # Longest wait for a node, which may be starting [s].
 PATIENCE = 60.0
 # Period of checks for publishers [s].
