@@ -21,10 +21,11 @@ from smartmesh_msgs.msg import ColliderPatchArray, TrackedBody, TrackedBodyArray
 
 from smartmesh_ros.errors import InputError, require_body_name
 from smartmesh_ros.tools.client.patch import Patch, read_patches
+from smartmesh_ros.tools.messages import DEPTH
 
 Vector = tuple[float, float, float]
-# Reliable and deep, because an incremental message must not be lost: at 60 Hz the queue lasts for 3 s without a spin.
-QOS = QoSProfile(depth=200)
+# Reliable and deep, because an incremental message must not be lost.
+QOS = QoSProfile(depth=DEPTH)
 
 
 @dataclass(frozen=True, kw_only=True)

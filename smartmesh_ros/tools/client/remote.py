@@ -35,7 +35,7 @@ from smartmesh_ros.tools.client.drawn_scene import drawn_scene
 from smartmesh_ros.tools.client.ground import MAPS, Ground
 from smartmesh_ros.tools.client.patch import PatchesMessage, read_patches
 from smartmesh_ros.tools.client.sight import KINDS, Sight
-from smartmesh_ros.tools.messages import BEST
+from smartmesh_ros.tools.messages import BEST, DEPTH
 
 # Types of the shown outputs. Outputs without subscribers are not built by the node.
 OUTPUTS: dict[str, Any] = {
@@ -44,9 +44,8 @@ OUTPUTS: dict[str, Any] = {
 SERVICES = {
     "pause": SetBool, "step": StepPhysics, "reset": Trigger, "spawn_body": SpawnBody, "remove_bodies": RemoveBodies,
 }  # fmt: skip
-# Topics of which only the newest message is shown, and the depth of the others' queues: every region and tile counts,
-# and at 60 Hz 200 last for 3 s.
-NEWEST, DEPTH = KINDS.keys() - {"odometry"}, 200
+# Topics of which only the newest message is shown; of the others every region and tile counts.
+NEWEST = KINDS.keys() - {"odometry"}
 # Longest wait for a node, which may be starting [s].
 PATIENCE = 60.0
 # Period of checks for publishers [s].
