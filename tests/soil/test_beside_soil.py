@@ -50,6 +50,36 @@ def test_a_box_astride_rests_on_both_and_leans_towards_the_soil(x: float, is_dec
         assert rigid + soft == pytest.approx(10.0 * G, rel=0.01)
 
 
+def test_queries_of_pybullet_change_nothing_of_what_comes_to_rest_on_both() -> None:
+    """Nor do its own saved states, after which no contact is told twice."""
+    runs = []
+    for asks in (False, True):
+        with soil_and(pad=pad()) as world:
+            world.spawn("box", Box(0.3, 0.2, 0.1), 10.0, BodyState((1.93, 1.003, 0.09), linear=(0.4, 0.1, 0.0)))
+            places = []
+            for step in range(240):
+                world.step()
+                places.append(world.state("box").position)
+                if not asks or step % 10:
+                    continue
+                world.client.performCollisionDetection()
+                own, count = world.client.saveState(), len(world.client.getContactPoints())
+                world.client.restoreState(own)
+                assert len(world.client.getContactPoints()) == count
+            runs.append(places)
+    np.testing.assert_allclose(runs[1], runs[0], atol=1e-6)
+
+
+def test_a_save_does_not_move_what_rests_on_both() -> None:
+    with soil_and(pad=pad()) as world:
+        world.spawn("box", Box(0.3, 0.2, 0.1), 10.0, BodyState((1.93, 1.003, 0.06)))
+        world.step(240)
+        world.save()
+        for _ in range(10):
+            world.step()
+            assert world.state("box").linear == pytest.approx((0.0, 0.0, 0.0), abs=2e-4)
+
+
 def test_a_cart_drives_from_soil_onto_rigid_ground_and_back_without_a_kick() -> None:
     cart = Cart()
     with soil_and(pad=pad()) as world:
@@ -62,7 +92,7 @@ def test_a_cart_drives_from_soil_onto_rigid_ground_and_back_without_a_kick() -> 
                 world.step()
                 ways.append((*world.state("cart").linear, world.state("cart").position[1]))
             speeds = np.abs(np.array(ways)[240:, :3])
-            assert speeds[:, 0].min() > 0.2
+            assert speeds[:, 0].min() > 0.15  # of 0.36 m/s
             assert speeds[:, 1:].max() < 0.2  # out of a rut, a rim climbs onto the edge
             assert ways[-1][3] == pytest.approx(1.003, abs=0.01)
         assert world.rescues == 0

@@ -8,7 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, HeightMap, InputError, Material, MotionConfig, Soil, SoilType, World
+from smartmesh_ros import (
+    BodyState,
+    HeightMap,
+    InputError,
+    Material,
+    MotionConfig,
+    PhysicsConfig,
+    Soil,
+    SoilType,
+    World,
+    WorldConfig,
+)
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.soil.config import soil_named, soils_of
 from tests.bodies import about_z
@@ -32,6 +43,32 @@ def test_a_heavy_body_dropped_from_a_metre_is_neither_lost_nor_thrown(shape: Sha
         assert max(heights[200:]) - min(heights) < 1e-3
         assert 0.0 < soil.sinkage().max() < 0.2
         assert world.rescues == 0
+
+
+@pytest.mark.parametrize("rate", [60.0, 240.0])
+@pytest.mark.parametrize(
+    ("shape", "mass", "soil"),
+    [
+        (Box(0.3, 0.2, 0.1), 10.0, "dry_sand"),
+        (Box(0.8, 0.8, 0.1), 40.0, "dry_sand"),
+        (Box(0.4, 0.4, 0.05), 5.0, "lunar"),
+        (Box(0.1, 0.1, 0.4), 10.0, "clay"),
+        (Cylinder(radius=0.15, height=0.1), 5.0, "dry_sand"),
+    ],
+)
+def test_what_is_kept_awake_on_soil_lies_still(shape: Shape, mass: float, soil: str, rate: float) -> None:
+    """Light and wide or tall, also on a slope: it neither rocks nor digs itself in, and the soil bears its weight."""
+    for slope in (0.0, 0.15):
+        config = WorldConfig(physics=PhysicsConfig(rate=rate, sleep=False))
+        with World(HeightMap(slope * ALONG, resolution=0.04), config) as world:
+            world.ground.set_soil(Soil(world.terrain, soil))
+            world.spawn("body", shape, mass, BodyState((2.003, 1.997, 0.0)), on_ground=True, align=True)
+            world.step(round(3.0 * rate))
+            start = world.state("body").position
+            for _ in range(round(rate)):
+                world.step()
+                assert sum(wrench.force[2] for wrench in world.wrenches()) == pytest.approx(9.81 * mass, rel=0.02)
+            assert world.state("body").position == pytest.approx(start, abs=5e-5)
 
 
 def test_a_sliding_box_is_held_by_the_shear_strength() -> None:

@@ -31,9 +31,10 @@ class GroundAlgorithm final : public btCollisionAlgorithm {
     Slot* slot = world_->attached.slot_of(*ground.getCollisionObject());
     const bool is_attached = slot != nullptr && slot->object == body.getCollisionObject();
     const bool has_soil = world_->now.soil != nullptr;
-    const auto made = [&] { return m_dispatcher->getNewManifold(a->getCollisionObject(), b->getCollisionObject()); };
-    if (is_attached && with_ground_ == nullptr) with_ground_ = made();
-    if (is_attached && has_soil && with_soil_ == nullptr) with_soil_ = made();
+    const btCollisionObject *one = a->getCollisionObject(), *other = b->getCollisionObject();
+    if (is_attached && with_ground_ == nullptr) with_ground_ = m_dispatcher->getNewManifold(one, other);
+    // In the other order: a saved state of Bullet's has one manifold of two objects.
+    if (is_attached && has_soil && with_soil_ == nullptr) with_soil_ = m_dispatcher->getNewManifold(other, one);
     bool found = false;
     if (is_attached) {
       result->setPersistentManifold(with_ground_);

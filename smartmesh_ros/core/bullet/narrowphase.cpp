@@ -40,9 +40,13 @@ void Narrowphase::touch(Slot& slot, const btCollisionObjectWrapper& part, btPers
   if (with_soil != nullptr) {
     contacts_.clear(), rows_.clear();
     read_contacts(*with_soil, before_);
-    if (within > -shape->bounding_radius)
-      now_.soil->touch(*shape, pose, on_soil(slot, step, step), before_,
-                       slot.on_soil[slot.part_number(*part.getCollisionShape())], contacts_, rows_);
+    if (within > -shape->bounding_radius) {
+      SoilPart& known = slot.on_soil[slot.part_number(*part.getCollisionShape())];
+      SoilPart asked;
+      if (!now_.stepping) asked = known;
+      now_.soil->touch(*shape, pose, on_soil(slot, step, step), now_.stepping ? known : asked, contacts_, rows_);
+      known.contacts = now_.stepping ? with_soil : nullptr;
+    }
     tell(slot, approach, pull, *with_soil);
   }
   contacts_.clear(), rows_.clear();
@@ -121,8 +125,7 @@ std::optional<Contact> Narrowphase::deepest_contact(Slot& slot) {
 OnSoil Narrowphase::on_soil(const Slot& slot, double step, double ahead) const {
   int count = 0;
   for (int k : attached_.bodies[slot.body].slots)
-    for (const auto& [number, part] : attached_.slots[k].on_soil)
-      count += now_.soil->was_near(part) && !part.up.empty();
+    for (const auto& [number, part] : attached_.slots[k].on_soil) count += part.sums.area > 0.0;
   OnSoil found;
   found.pose = from_bullet(slot.object->getWorldTransform());
   found.soil = now_.soil->motion_around(found.pose.at, slot.rest.radius, now_.time, ahead);

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
+
+#include <BulletCollision/NarrowPhaseCollision/btPersistentManifold.h>
 
 namespace smartmesh {
 
@@ -16,6 +19,9 @@ constexpr double MOVED = 1e-4;
 constexpr double FALLEN = 0.45;
 // Speed of a body that was set down at which it rests, as a share of that of a fall from the depth of its sinkage.
 constexpr double AT_REST = 0.005;
+
+// Returns the velocity of a part into the soil and out of it.
+Vec3 velocity_of(const MovingSolid& solid) { return {solid.angular.x, solid.angular.y, solid.linear.z}; }
 
 }  // namespace
 
@@ -110,8 +116,8 @@ SoilMotion SoilInStep::motion_around(const Vec3& point, double radius, double ti
   return found;
 }
 
-void SoilInStep::touch(const Convex& convex, const Pose& pose, const OnSoil& on, const std::vector<OldContact>& before,
-                       SoilPart& part, std::vector<Contact>& contacts, std::vector<ContactRow>& rows) {
+void SoilInStep::touch(const Convex& convex, const Pose& pose, const OnSoil& on, SoilPart& part,
+                       std::vector<Contact>& contacts, std::vector<ContactRow>& rows) {
   if (part.step == 0) part.shape = pressing_shape(convex);
   const Pose now = pose * pose_of(part.shape);
   part.pose = seen_from(on.pose, now);
@@ -120,19 +126,14 @@ void SoilInStep::touch(const Convex& convex, const Pose& pose, const OnSoil& on,
   const bool was_moved = part.step == 0 || !(norm(now.at - part.at) < MOVED);
   const bool slept = !was_moved && !was_near(part);
   const SoilStep step{on.time, dt, step_, slept ? 0 : step_ - 1};
-  Carried carried{on.mass, on.mass * norm(on.approach.gravity), false};
   if (was_moved) {
     under_.make_room(lattice, solid, step), part.rim.reset();
     part.is_set_down = norm(solid.linear) < FALLEN;
   }
-  carried.is_set_down = part.is_set_down != 0.0;
-  if (was_near(part) && !was_moved && !before.empty() && before.size() == part.up.size()) {
-    double up = 0.0;
-    for (std::size_t k = 0; k < before.size(); ++k) up += before[k].normal_impulse * part.up[k];
-    carried.load = std::max(0.0, (up - on.mass * (solid.linear.z - part.speed)) / dt);
-  }
+  if (was_moved || !(part.sums.area > 0.0)) part.load = {0.0, 0.0, -on.mass * norm(on.approach.gravity)};
+  const Carried carried{on.mass, {part.load.x, part.load.y, std::min(0.0, part.load.z)}, part.is_set_down != 0.0};
   const auto& springs = under_.find_springs(lattice, solid, carried, part.rim, step);
-  contacts.clear(), rows.clear(), part.up.clear();
+  contacts.clear(), rows.clear(), part.rise.clear();
   for (const SoilSpring& spring : springs) {
     // v + J / (slope dt) = speed + force / slope, with the impulse J and the speed v at the end of the step.
     const double speed = spring.speed + spring.force / spring.slope;
@@ -146,23 +147,29 @@ void SoilInStep::touch(const Convex& convex, const Pose& pose, const OnSoil& on,
     row.slide = contact.ground.velocity;
     if (norm2(on.belt) > 0.0) row.slide = row.slide + surface_velocity(on.belt, contact.normal);
     row.friction.sliding = spring.friction;
-    contacts.push_back(contact), rows.push_back(row), part.up.push_back(spring.normal.z);
+    contacts.push_back(contact), rows.push_back(row);
+    part.rise.push_back(lever_at(spring.point - solid.solid.centre, spring.normal));
   }
-  part.speed = solid.linear.z;
-  part.step = step_;
+  part.velocity = velocity_of(solid);
 }
 
 void SoilInStep::press(const OnSoil& on, SoilParts& parts) {
   for (auto& [number, part] : parts) {
-    if (part.step != step_) {  // it left the ground
+    const btPersistentManifold* contacts = std::exchange(part.contacts, nullptr);
+    if (contacts == nullptr) {  // it left the ground
       part.rim.reset(), part.sums = {};
       continue;
     }
+    part.step = step_;
     const Pose now = on.pose * part.pose;
     const SoilStep step{on.time, on.approach.duration, step_, step_ - 1};
     const MovingSolid solid = moving(part, now, on);
     part.sums = under_.press(lattice, solid, part.rim, step);
     part.at = now.at;
+    Vec3 change = inertia_of(solid.solid, on.mass) * (velocity_of(solid) - part.velocity);
+    for (std::size_t k = 0; k < part.rise.size(); ++k)
+      change = change - part.rise[k] * contacts->getContactPoint(static_cast<int>(k)).m_appliedImpulse;
+    part.load = change * (1.0 / on.approach.duration);
     if (std::abs(solid.linear.z) < AT_REST * std::sqrt(norm(on.approach.gravity) * part.sums.sinkage))
       part.is_set_down = 0.0;
   }

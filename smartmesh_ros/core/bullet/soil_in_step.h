@@ -7,6 +7,8 @@
 #include "contact/contact_row.h"
 #include "soil/soil_contact.h"
 
+class btPersistentManifold;
+
 namespace smartmesh {
 
 // Returns how a convex shape presses the soil, placed in its frame: a box, ball, cylinder or capsule as itself, a hull
@@ -14,11 +16,11 @@ namespace smartmesh {
 Shape pressing_shape(const Convex& convex);
 
 // What a part of a body on the soil knows of the past, as numbers, which are saved. `is_set_down`: it was put onto the
-// soil without a fall, and is not at rest there yet. `speed`: of its middle, upwards, at the start of the last step
-// [m/s]; `at`: its middle after that step [m].
+// soil without a fall, and is not at rest there yet. `load` in the last step, as in Carried; `at`: its middle after
+// that [m].
 struct SoilPartMemory {
-  double is_set_down = 0.0, speed = 0.0;
-  Vec3 at;
+  double is_set_down = 0.0;
+  Vec3 load, at;
   SoilSums sums;
 };
 
@@ -27,8 +29,11 @@ struct SoilPart : SoilPartMemory {
   Shape shape;  // as it presses the soil
   Pose pose;    // of the pressing shape in the body's frame
   ShearedRim rim;
-  std::int32_t step = 0;   // in which it last was near the soil
-  std::vector<double> up;  // vertical parts of the normals of its contacts
+  std::int32_t step = 0;  // in which it last was near the soil
+  // Of its contacts in a step, until that ends; `rise` by their springs' unit forces, and its velocity before them.
+  const btPersistentManifold* contacts = nullptr;
+  std::vector<Vec3> rise;
+  Vec3 velocity;
 };
 // By their number among the convex parts of the body's shape.
 using SoilParts = std::map<int, SoilPart>;
@@ -67,9 +72,9 @@ class SoilInStep {
   // Returns the motion of the soil within a `radius` [m] of a point, with mean velocities over the time `ahead` [s], or
   // before if that is negative.
   SoilMotion motion_around(const Vec3& point, double radius, double time, double ahead) const;
-  // Finds the contacts of a part of a body, a convex shape at `pose`, with the soil. `before`: those of the last step.
-  void touch(const Convex& convex, const Pose& pose, const OnSoil& on, const std::vector<OldContact>& before,
-             SoilPart& part, std::vector<Contact>& contacts, std::vector<ContactRow>& rows);
+  // Finds the contacts of a part of a body, a convex shape at `pose`, with the soil.
+  void touch(const Convex& convex, const Pose& pose, const OnSoil& on, SoilPart& part, std::vector<Contact>& contacts,
+             std::vector<ContactRow>& rows);
   // Presses the soil to where the parts of an awake body are at the end of a step.
   void press(const OnSoil& on, SoilParts& parts);
 

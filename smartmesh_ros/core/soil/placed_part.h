@@ -14,6 +14,8 @@ struct PlacedPart {
   double column, row, z, lowest;
 
   Vec3 to_world(const Vec3& v) const { return {pose.cos * v.x - pose.sin * v.y, pose.sin * v.x + pose.cos * v.y, v.z}; }
+  // Returns a vector in axes of the grid.
+  Vec3 to_grid(const Vec3& v) const { return {pose.cos * v.x + pose.sin * v.y, pose.cos * v.y - pose.sin * v.x, v.z}; }
   // Returns the normal of the underside that has the given heights: otherwise forces would do work that is not theirs.
   Vec3 normal(const Vec3& offset, bool is_beside) const;
 };

@@ -13,8 +13,9 @@ constexpr double MOST_FRICTION = 2.0;
 // error of the force at which it ends.
 constexpr int ROUNDS = 30;
 constexpr double LOAD_ERROR = 1e-6;
-// Least share of a body that rests on a quarter of its contact.
-constexpr double LEAST_SHARE = 0.05;
+// Least vertical component of the normal by which a sample presses. That at the sample stands for its whole cell, and
+// below the widest part of a wheel of ten samples' radius the mean over a cell is this.
+constexpr double LEAST_VERTICAL = 0.35;
 // Depth from which a body that appears in the soil has been put there [m].
 constexpr double PUT_IN = 1e-3;
 // By how much soil may be higher than the mean around it, which the map shows [m].
@@ -26,6 +27,15 @@ double slip_sinkage(double slip) { return (1.0 + slip) / (1.0 - 0.5 * slip); }
 // Returns true if a part rolls: here it turns about its own axis alone, and its quarters go down by themselves.
 bool rolls(const Solid& solid) { return solid.shape->kind == ShapeKind::Ball || lies(solid); }
 
+Mat3 scaled(const Mat3& m, double factor) { return {{m.row[0] * factor, m.row[1] * factor, m.row[2] * factor}}; }
+
+// Returns the solution of a system of equations with a symmetric matrix.
+Vec3 solve(const Mat3& m, const Vec3& right) {
+  const auto& [a, b, c] = m.row;
+  const Vec3 ab = cross(a, b), bc = cross(b, c), ca = cross(c, a);
+  return (bc * right.x + ca * right.y + ab * right.z) * (1.0 / dot(a, bc));
+}
+
 // Returns the point of a round surface at the mean of some of its points: the speed of a rim decides which way a wheel
 // without slip is held.
 Vec3 on_surface(const Underside& shape, const Vec3& mean) {
@@ -35,6 +45,18 @@ Vec3 on_surface(const Underside& shape, const Vec3& mean) {
 }
 
 }  // namespace
+
+Mat3 inertia_of(const Solid& solid, double mass) {
+  Mat3 found{{{}, {}, {0.0, 0.0, mass}}};
+  const Shape& shape = *solid.shape;
+  const Vec3 half{shape.extent({1.0, 0.0, 0.0}), shape.extent({0.0, 1.0, 0.0}), shape.extent({0.0, 0.0, 1.0})};
+  for (int k = 0; k < 3; ++k) {
+    const Vec3 axis{solid.axes.row[k].x, solid.axes.row[k].y, 0.0};
+    const double own = mass / 3.0 * (norm2(half) - component(half, k) * component(half, k));
+    found.row[0] = found.row[0] + axis * (own * axis.x), found.row[1] = found.row[1] + axis * (own * axis.y);
+  }
+  return found;
+}
 
 // Fills `under_` with the samples that a part whose rim slips reaches if it goes down by `deepest` [m]; zero = all
 // whose level it is below, also those that have sunk away from it.
@@ -69,43 +91,40 @@ void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, double s
       if (row_.low[k] == INFINITE) continue;
       const bool is_beside = exact_.low[k] == INFINITE || (is_level && exact_.low[k] > row_.low[k]);
       const double low = is_beside ? std::max(row_.low[k], placed.lowest) : exact_.low[k];
+      const Vec3 offset{row_.x[k], row_.y, low};
       FineSample& sample = soil.at(r, c);
-      // Left out are holes, and soil that has sunk too far to carry, unless the middles of quarters count it.
-      if (!(placed.z + low - deepest < sample.level - (leaves_sunk ? sample.yield.plastic : 0.0))) continue;
+      if (!(placed.z + low - deepest < sample.level - (deepest > 0.0 ? sample.yield.plastic : 0.0))) continue;
+      const Vec3 normal = placed.normal(offset, is_beside);
       const LoadedSoil& own = soils_[soil.kind(r, c)];
       const double loaded = sample.step >= step.last ? sample.pressure : 0.0;
-      under_.push_back({&sample,
-                        &own,
-                        r,
-                        c,
-                        is_beside,
-                        {row_.x[k], row_.y, low},
-                        placed.z + low,
-                        sample.level - sample.yield.plastic - loaded / own.elastic,
-                        row_.share[k] * spacing * spacing});
+      under_.push_back({&sample, &own, r, c, is_beside, offset, normal,
+                        lever_at(offset, normal) * (1.0 / std::max(normal.z, LEAST_VERTICAL)), placed.z + low,
+                        sample.level - sample.yield.plastic - loaded / own.elastic, row_.share[k] * spacing * spacing});
     }
   }
 }
 
-// Adds the drag with which a `mass` [kg] on the soil as it is now sinks to rest without going beyond.
+// Adds the drag with which a `mass` [kg] on the soil as it is now sinks to rest without going beyond. Soil that is
+// hardly pressed yet would be far too stiff: the deepest sinkage is that of all.
 void SoilUnderBody::damp_critically(double mass, double dt) {
-  double stiffness = 0.0, area = 0.0;
+  double force = 0.0, deepest = 0.0, area = 0.0;
   for (const Under& under : under_) {
     const double sinkage = under.sample->level - under.low;
     area += under.area;
     if (!(sinkage > 0.0)) continue;
     const LoadedSoil& soil = *under.soil;
-    stiffness +=
-        under.area * std::min(soil.elastic, soil.exponent * soil.modulus * std::pow(sinkage, soil.exponent - 1.0));
+    deepest = std::max(deepest, sinkage);
+    force +=
+        under.area * std::min(soil.elastic * sinkage, soil.exponent * soil.modulus * std::pow(sinkage, soil.exponent));
   }
-  if (!(stiffness > 0.0)) return;
-  for (LoadedSoil& soil : soils_) soil.drag += 2.0 * std::sqrt(stiffness * mass) / (area * dt);
+  if (!(force > 0.0)) return;
+  for (LoadedSoil& soil : soils_) soil.drag += 2.0 * std::sqrt(force / deepest * mass) / (area * dt);
 }
 
-// Sets the loads of the samples for a part that went `down` [m].
-void SoilUnderBody::load(Span all, double down) {
-  for (Under& under : all) {
-    const double height = under.low - down, sinkage = under.sample->level - height;
+// Sets the loads of the samples for a part that went some way.
+void SoilUnderBody::load(const Vec3& way) {
+  for (Under& under : under_) {
+    const double height = under.low + dot(under.lever, way), sinkage = under.sample->level - height;
     const Yield& before = under.sample->yield;
     under.pressure = pressure_at(sinkage, before, *under.soil);
     const double drag = under.soil->drag * (under.surface - height);
@@ -116,40 +135,48 @@ void SoilUnderBody::load(Span all, double down) {
   }
 }
 
-// Returns how far down a part goes in a step [m], at which the samples then have their loads: where the force of the
-// soil and the part's inertia balance its load. Newton's method, with bisection where it leaves the bracket.
-double SoilUnderBody::sink(Span all, const Carried& carried, double speed_down, double dt) {
-  const double inertia = carried.mass / (dt * dt), free = speed_down * dt + carried.load / inertia;
-  double low = free, high = free, trial = std::min(free, speed_down * dt);
-  for (const Under& under : all) low = std::min(low, under.low - under.sample->level);
+// Returns the way of a part in a step, at which the samples then have their loads: where their forces balance the
+// `inertia` over the square of the step's duration times what is left of the `free` way. It has the least energy, so
+// that Newton's method finds it if steps beyond the least energy along them are halved. `reach` [m]: of the part.
+Vec3 SoilUnderBody::settle(const Mat3& inertia, const Vec3& free, const Vec3& start, double reach) {
+  Vec3 from = start, way = start, further;
+  double gain = 0.0;
   for (int round = 0; round < ROUNDS; ++round) {
-    load(all, trial);
-    double force = 0.0, slope = inertia;
-    for (const Under& under : all) force += under.area * under.total, slope += under.area * under.stiffness;
-    const double lack = inertia * (free - trial) - force;
-    if (std::abs(lack) <= LOAD_ERROR * std::max(carried.load, force)) break;
-    (lack > 0.0 ? low : high) = trial;
-    if (high - low < 1e-12) break;
-    trial += lack / slope;
-    if (!(low < trial && trial < high)) trial = 0.5 * (low + high);
+    load(way);
+    Vec3 lack = inertia * (free - way);
+    Mat3 slope = inertia;
+    double force = 0.0;
+    for (const Under& under : under_) {
+      force += under.area * under.total;
+      lack = lack + under.lever * (under.area * under.total);
+      for (int k = 0; k < 3; ++k)
+        slope.row[k] = slope.row[k] + under.lever * (component(under.lever, k) * under.area * under.stiffness);
+    }
+    const double error = std::abs(lack.z) + (std::abs(lack.x) + std::abs(lack.y)) / reach;
+    if (error <= LOAD_ERROR * std::max(norm(inertia * free), force)) break;
+    if (dot(lack, further) < -0.5 * gain) {
+      further = further * 0.5, gain *= 0.5;
+    } else {
+      from = way, further = solve(slope, lack), gain = dot(lack, further);
+    }
+    way = from + further;
+    if (norm(further) < 1e-12) break;
   }
-  return trial;
+  return way;
 }
 
-// A quarter of the contact: its samples, their `middle` from the middle of the part [m], in axes of the grid as all
-// here, and the `share` of the load there. Sums over the samples: forces of their pressures [N], and their places
-// weighted with these, strength of the shear stresses [N], and derivative of the force by the speed [N s/m].
+// A quarter of the contact. Sums over its samples: forces of their pressures [N], and their places from the middle of
+// the part [m], in axes of the grid as all here, weighted with these, strength of the shear stresses [N], and
+// derivative of the force by the speed [N s/m].
 struct SoilUnderBody::Quarter {
-  Span under{nullptr, nullptr};
-  Vec3 middle;
-  double share = 0.0;
   Vec3 force, place, normal;
   double weight = 0.0, shear = 0.0, slope = 0.0;
 };
 
-// Finds the quarters about the middle of the pressures, along a level axis of the shape and across it; false if there
-// are no pressures.
-bool SoilUnderBody::find_quarters(const PlacedPart& placed, Quarter (&quarters)[4]) {
+// Fills the quarters about the middle of the pressures, along a level axis of the shape and across it, for a part at
+// its place `then`; false if there are no pressures.
+bool SoilUnderBody::find_quarters(const PlacedPart& placed, const ShearedRim& rim, const Solid& then, double dt,
+                                  Quarter (&quarters)[4]) {
   double total = 0.0, x = 0.0, y = 0.0;
   for (const Under& under : under_) {
     if (!under.carries()) continue;
@@ -160,42 +187,26 @@ bool SoilUnderBody::find_quarters(const PlacedPart& placed, Quarter (&quarters)[
   x /= total, y /= total;
   const Underside& shape = placed.shape;
   const Vec3 along = shape.axis(lies(shape.solid) ? 2 : (shape.upright + 1) % 3);
-  int counts[4] = {};
   for (Under& under : under_) {
+    if (!under.carries()) continue;
     const double u = under.offset.x - x, v = under.offset.y - y;
     under.quarter = (u * along.x + v * along.y > 0.0 ? 1 : 0) + (v * along.x - u * along.y > 0.0 ? 2 : 0);
-    ++counts[under.quarter];
-  }
-  by_quarter_.resize(under_.size());
-  Under* next = by_quarter_.data();
-  for (int k = 0; k < 4; ++k) quarters[k].under = {next, next}, next += counts[k];
-  for (const Under& under : under_) {
     Quarter& quarter = quarters[under.quarter];
-    *quarter.under.last++ = under;
-    quarter.middle = quarter.middle + under.offset * (1.0 / counts[under.quarter]);
-    if (under.carries()) quarter.share += under.area * under.total / total;
-  }
-  return true;
-}
-
-// Fills the sums of a quarter whose samples have their loads, for a part at its place `then`.
-void SoilUnderBody::sum(const PlacedPart& placed, const Solid& then, const ShearedRim& rim, double dt,
-                        Quarter& quarter) {
-  for (Under& under : quarter.under) {
-    if (!under.carries()) continue;
-    const Vec3 normal = under.normal = placed.normal(under.offset, under.is_beside);
-    const double area = under.area / std::max(normal.z, STEEP), force = area * under.total;
-    quarter.force = quarter.force + normal * force;
+    const double area = under.area / std::max(under.normal.z, LEAST_VERTICAL), force = area * under.total;
+    quarter.force = quarter.force + under.normal * force;
     quarter.place = quarter.place + under.offset * force;
     quarter.weight += force;
     quarter.shear += area * shear_at(under.pressure, rim.at(then, placed.to_world(under.offset)), *under.soil);
   }
-  quarter.normal = unit(quarter.force);
-  for (const Under& under : quarter.under) {
+  for (Quarter& quarter : quarters)
+    if (quarter.weight > 0.0) quarter.normal = unit(quarter.force);
+  for (const Under& under : under_) {
     if (!under.carries()) continue;
-    const double part = dot(under.normal, quarter.normal) / std::max(under.normal.z, STEEP);
+    Quarter& quarter = quarters[under.quarter];
+    const double part = dot(under.normal, quarter.normal) / std::max(under.normal.z, LEAST_VERTICAL);
     quarter.slope += under.area * under.stiffness * part * part * dt;
   }
+  return true;
 }
 
 const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, const MovingSolid& moving,
@@ -203,36 +214,29 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
                                                            const SoilStep& step) {
   springs_.clear();
   const bool is_rolling = rolls(moving.solid);
-  Solid then = moving.solid;  // at the end of the step, but for its vertical motion
+  Solid then = moving.solid;  // at the end of the step, but for its way out of the plane
   then.centre = then.centre + Vec3{moving.linear.x, moving.linear.y, 0.0} * step.dt;
   const Vec3 own = moving.solid.axes.row[2], spin = is_rolling ? own * dot(moving.angular, own) : Vec3{};
   for (Vec3& axis : then.axes.row) axis = unit(axis + cross(spin, axis) * step.dt);
   const PlacedPart placed = place_above(soil, then, step.time);
-  const auto speed_down = [&](const Vec3& offset) {
-    return -moving.linear.z - (is_rolling ? 0.0 : cross(moving.angular, placed.to_world(offset)).z);
-  };
-  const double by_rotation =
-      is_rolling ? 0.0 : norm(moving.angular) * placed.shape.solid.shape->extent({1.0, 1.0, 1.0});
-  const double deepest =
-      (std::max(0.0, -moving.linear.z) + by_rotation + carried.load / carried.mass * step.dt) * step.dt;
-  gather(soil, placed, rim.slip(), deepest, step);
+  const Vec3 velocity = placed.to_grid({moving.angular.x, moving.angular.y, moving.linear.z});
+  const Mat3 inertia = inertia_of(placed.shape.solid, carried.mass);
+  const Vec3 free = (velocity + solve(inertia, placed.to_grid(carried.load)) * step.dt) * step.dt;
+  const double reach = placed.shape.solid.shape->extent({1.0, 1.0, 1.0});
+  gather(soil, placed, rim.slip(), std::max(0.0, -free.z) + (std::abs(free.x) + std::abs(free.y)) * reach, step);
   if (carried.is_set_down) damp_critically(carried.mass, step.dt);
-  const Span all{under_.data(), under_.data() + under_.size()};
-  const double of_all = sink(all, carried, -moving.linear.z, step.dt);
+  const Vec3 way = settle(scaled(inertia, 1.0 / (step.dt * step.dt)), free, velocity * step.dt, reach);
   Quarter quarters[4];
-  if (!find_quarters(placed, quarters)) return springs_;
-  for (Quarter& quarter : quarters) {
-    const double share = std::max(quarter.share, LEAST_SHARE);
-    const Carried part{share * carried.mass, share * carried.load};
-    const double down = is_rolling ? of_all : sink(quarter.under, part, speed_down(quarter.middle), step.dt);
-    sum(placed, then, rim, step.dt, quarter);
+  if (!find_quarters(placed, rim, then, step.dt, quarters)) return springs_;
+  for (const Quarter& quarter : quarters) {
     if (!(quarter.slope > 0.0)) continue;
-    const Vec3 normal = placed.to_world(quarter.normal);
-    const Vec3 offset = placed.to_world(on_surface(placed.shape, quarter.place * (1.0 / quarter.weight)));
-    Vec3 velocity = moving.linear + cross(moving.angular, offset);
-    velocity.z += -down / step.dt + speed_down(quarter.middle);
+    const Vec3 normal = placed.to_world(quarter.normal),
+               place = on_surface(placed.shape, quarter.place * (1.0 / quarter.weight));
+    const Vec3 offset = placed.to_world(place);
+    const double speed = dot(normal, moving.linear + cross(moving.angular, offset)) +
+                         dot(way * (1.0 / step.dt) - velocity, lever_at(place, quarter.normal));
     const double force = norm(quarter.force), friction = std::min(quarter.shear / force, MOST_FRICTION);
-    springs_.push_back({moving.solid.centre + offset, normal, force, dot(normal, velocity), quarter.slope, friction});
+    springs_.push_back({moving.solid.centre + offset, normal, force, speed, quarter.slope, friction});
   }
   return springs_;
 }
@@ -240,7 +244,7 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
 SoilSums SoilUnderBody::press(SoilLattice& soil, const MovingSolid& moving, ShearedRim& rim, const SoilStep& step) {
   const PlacedPart placed = place_above(soil, moving.solid, step.time);
   gather(soil, placed, rim.slip(), 0.0, step);
-  load({under_.data(), under_.data() + under_.size()}, 0.0);
+  load({});
   SoilSums sums;
   points_ = {{}, {}, soil.spacing(), placed.to_world({1.0, 0.0, 0.0})};
   for (const Under& under : under_) {
@@ -254,7 +258,7 @@ SoilSums SoilUnderBody::press(SoilLattice& soil, const MovingSolid& moving, Shea
     sums.carried += under.area * under.pressure, sums.area += under.area;
     sums.sinkage = std::max(sums.sinkage, sinkage);
     points_.offsets.push_back(placed.to_world(under.offset));
-    points_.normals.push_back(placed.to_world(placed.normal(under.offset, under.is_beside)));
+    points_.normals.push_back(placed.to_world(under.normal));
   }
   rim.slide(moving, points_, step.dt);
   return sums;

@@ -3,6 +3,9 @@
 // The samples under the body have pressures by their sinkages at the end of the step. Where the body is then follows
 // from its inertia and the load that it carried in the last step. Soil is stiff on the way up and soft on the way down:
 // a spring with the stiffness of the wrong way would throw the body.
+//
+// What moves a part into the soil and out of it has three numbers, in a Vec3: of velocities about x and y [rad/s] and
+// upwards [m/s], of ways [rad, rad, m], and of loads [N m, N m, N].
 #pragma once
 
 #include <vector>
@@ -19,12 +22,22 @@ struct SoilStep {
   std::int32_t number, last;
 };
 
-// What a part of a body carries: `mass` [kg], and the `load` that the soil bears of it, downwards [N]. `is_set_down`:
-// the soil damps it critically, as if a crane lowered it.
+// What a part of a body carries: `mass` [kg], and the `load`, what acts on it but the soil. `is_set_down`: the soil
+// damps it critically, as if a crane lowered it.
 struct Carried {
-  double mass, load;
+  double mass;
+  Vec3 load;
   bool is_set_down = false;
 };
+
+// Returns the inertia of a part of some mass [kg], as if that filled its box evenly.
+Mat3 inertia_of(const Solid& solid, double mass);
+// Returns the load of a unit force along a normal at a point, from the middle of the part [m]; also, by how much each
+// of the three moves the point along the normal.
+inline Vec3 lever_at(const Vec3& offset, const Vec3& normal) {
+  const Vec3 torque = cross(offset, normal);
+  return {torque.x, torque.y, normal.z};
+}
 
 // A spring between the soil and a body. `point` on the body [m]; `normal`: unit, into the body. Its force along the
 // normal is `force` [N] if the point moves at `speed` [m/s] along it, and falls by `slope` [N s/m] with a higher speed.
@@ -58,31 +71,25 @@ class SoilUnderBody {
     const LoadedSoil* soil;
     int row, column;
     bool is_beside;
-    Vec3 offset;
+    Vec3 offset, normal, lever;
     double low, surface, area;
     double pressure = 0.0, total = 0.0, stiffness = 0.0;
     int quarter = 0;
-    Vec3 normal;  // of the underside, where the sample carries
 
     bool carries() const { return total > 0.0 && area > 0.0; }
-  };
-  struct Span {
-    Under *first, *last;
-    Under* begin() const { return first; }
-    Under* end() const { return last; }
   };
   struct Quarter;
 
   void gather(SoilLattice& soil, const PlacedPart& placed, double slip, double deepest, const SoilStep& step);
   void damp_critically(double mass, double dt);
-  static void load(Span under, double down);
-  static double sink(Span under, const Carried& carried, double speed_down, double dt);
-  bool find_quarters(const PlacedPart& placed, Quarter (&quarters)[4]);
-  static void sum(const PlacedPart& placed, const Solid& then, const ShearedRim& rim, double dt, Quarter& quarter);
+  void load(const Vec3& way);
+  Vec3 settle(const Mat3& inertia, const Vec3& free, const Vec3& start, double reach);
+  bool find_quarters(const PlacedPart& placed, const ShearedRim& rim, const Solid& then, double dt,
+                     Quarter (&quarters)[4]);
 
   UndersideRow row_, exact_;
   std::vector<LoadedSoil> soils_;
-  std::vector<Under> under_, by_quarter_;
+  std::vector<Under> under_;
   PointsInSoil points_;
   std::vector<SoilSpring> springs_;
 };

@@ -46,7 +46,7 @@ void cover(const Underside& shape, UndersideRow& row);
 // Returns the unit normal, of either sign, of an underside with these half lengths at a point on it [m].
 Vec3 normal_at(const Underside& shape, const double (&half)[3], const Vec3& point);
 
-// Least vertical component of a normal: soil beside a body does not carry it.
+// Vertical component of a normal up to which a face is upright: soil beside a body does not carry it.
 constexpr double STEEP = 0.05;
 
 // Returns the smaller dimension b of the contact [m], for Bekker's Kc / b: of a box its narrower side, of a lying
