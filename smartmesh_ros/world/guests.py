@@ -26,8 +26,6 @@ from smartmesh_ros.world.state_table import StateTable, require_valid
 _OTHER, _FORCE = 2, 9
 # Largest difference of equal times, due to rounding [s].
 INSTANT = 1e-9
-# Largest difference of a sleeping guest's coordinates from its owner's that is left [m, quaternion].
-SAME_PLACE = 1e-6
 
 
 class Guests:
@@ -188,7 +186,7 @@ class Guests:
         setting, drawing = [], []
         for guest in known.guests.values():
             if guest.touched is None:
-                if known.new and not self._rests(guest, now):
+                if known.new:
                     setting.append(guest)
                 continue
             first, last = guest.touched
@@ -205,14 +203,6 @@ class Guests:
             slots = np.array([world.followers.of(guest.uid)[0] for guest in drawing])
             states = world.ground.contacts.states_of(slots)
             self._put(drawing, CORE.blended(states, self._extrapolated(now, drawing), share))
-
-    def _rests(self, guest: Guest, now: Received) -> bool:
-        """Return True if a guest sleeps, and its owner says that it is at rest where it is."""
-        ground, row = self._world.ground, now.states.numbers[guest.row]
-        if row[7:13].any() or not ground.is_asleep(guest.uid):
-            return False
-        (state,) = ground.contacts.states_of(np.array(ground.followers.of(guest.uid)[:1]))
-        return bool(np.abs(row[:7] - state[:7]).max() <= SAME_PLACE)
 
     def _age(self, received: Received) -> float:
         return min(self._world.time - received.time, self.config.max_extrapolation)

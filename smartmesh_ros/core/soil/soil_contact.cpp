@@ -78,7 +78,6 @@ void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, double s
     soils_.push_back(under_load(soil.soil(kind), contact_width(placed.shape), step.dt));
     if (soil.sinks_by_slip) soils_.back().modulus *= std::pow(slip_sinkage(slip), -soils_.back().exponent);
   }
-  const bool leaves_sunk = rolls(placed.shape.solid) && deepest > 0.0;
   row_.x.resize(static_cast<std::size_t>(right - left));
   for (int c = left; c < right; ++c) row_.x[c - left] = (c - placed.column) * spacing;
   const bool is_level = stands_level(placed.shape);  // then its upright faces do not lift it off samples on their edges
@@ -97,7 +96,7 @@ void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, double s
       const Vec3 normal = placed.normal(offset, is_beside);
       const LoadedSoil& own = soils_[soil.kind(r, c)];
       const double loaded = sample.step >= step.last ? sample.pressure : 0.0;
-      under_.push_back({&sample, &own, r, c, is_beside, offset, normal,
+      under_.push_back({&sample, &own, r, c, offset, normal,
                         lever_at(offset, normal) * (1.0 / std::max(normal.z, LEAST_VERTICAL)), placed.z + low,
                         sample.level - sample.yield.plastic - loaded / own.elastic, row_.share[k] * spacing * spacing});
     }
@@ -271,8 +270,7 @@ void SoilUnderBody::make_room(SoilLattice& soil, const MovingSolid& moving, cons
     FineSample& sample = *under.sample;
     const double sinkage = sample.level - under.low;
     if (sinkage < sample.yield.plastic + PUT_IN) continue;
-    const double pressure = under.soil->modulus * std::pow(sinkage, under.soil->exponent);
-    sample.yield = {sinkage, std::max(sample.yield.yielded, pressure)};
+    sample.yield.plastic = sinkage;
     soil.note(under.row, under.column);
   }
 }

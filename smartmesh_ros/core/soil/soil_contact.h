@@ -70,7 +70,6 @@ class SoilUnderBody {
     FineSample* sample;
     const LoadedSoil* soil;
     int row, column;
-    bool is_beside;
     Vec3 offset, normal, lever;
     double low, surface, area;
     double pressure = 0.0, total = 0.0, stiffness = 0.0;
