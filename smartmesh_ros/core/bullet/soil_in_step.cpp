@@ -133,7 +133,7 @@ void SoilInStep::touch(const Convex& convex, const Pose& pose, const OnSoil& on,
   if (was_moved || !(part.sums.area > 0.0)) part.load = {0.0, 0.0, -on.mass * norm(on.approach.gravity)};
   const Carried carried{on.mass, {part.load.x, part.load.y, std::min(0.0, part.load.z)}, part.is_set_down != 0.0};
   const auto& springs = under_.find_springs(lattice, solid, carried, part.rim, step);
-  contacts.clear(), rows.clear(), part.rise.clear();
+  contacts.clear(), rows.clear(), part.levers.clear();
   for (const SoilSpring& spring : springs) {
     // v + J / (slope dt) = speed + force / slope, with the impulse J and the speed v at the end of the step.
     const double speed = spring.speed + spring.force / spring.slope;
@@ -148,7 +148,7 @@ void SoilInStep::touch(const Convex& convex, const Pose& pose, const OnSoil& on,
     if (norm2(on.belt) > 0.0) row.slide = row.slide + surface_velocity(on.belt, contact.normal);
     row.friction.sliding = spring.friction;
     contacts.push_back(contact), rows.push_back(row);
-    part.rise.push_back(lever_at(spring.point - solid.solid.centre, spring.normal));
+    part.levers.push_back(lever_at(spring.point - solid.solid.centre, spring.normal));
   }
   part.velocity = velocity_of(solid);
 }
@@ -167,8 +167,8 @@ void SoilInStep::press(const OnSoil& on, SoilParts& parts) {
     part.sums = under_.press(lattice, solid, part.rim, step);
     part.at = now.at;
     Vec3 change = inertia_of(solid.solid, on.mass) * (velocity_of(solid) - part.velocity);
-    for (std::size_t k = 0; k < part.rise.size(); ++k)
-      change = change - part.rise[k] * contacts->getContactPoint(static_cast<int>(k)).m_appliedImpulse;
+    for (std::size_t k = 0; k < part.levers.size(); ++k)
+      change = change - part.levers[k] * contacts->getContactPoint(static_cast<int>(k)).m_appliedImpulse;
     part.load = change * (1.0 / on.approach.duration);
     if (std::abs(solid.linear.z) < AT_REST * std::sqrt(norm(on.approach.gravity) * part.sums.sinkage))
       part.is_set_down = 0.0;

@@ -30,9 +30,9 @@ struct SoilPart : SoilPartMemory {
   Pose pose;    // of the pressing shape in the body's frame
   ShearedRim rim;
   std::int32_t step = 0;  // in which it last was near the soil
-  // Of its contacts in a step, until that ends; `rise` by their springs' unit forces, and its velocity before them.
+  // In a step, until that ends: its contacts, loads of their unit impulses, and its velocity before them.
   const btPersistentManifold* contacts = nullptr;
-  std::vector<Vec3> rise;
+  std::vector<Vec3> levers;
   Vec3 velocity;
 };
 // By their number among the convex parts of the body's shape.
