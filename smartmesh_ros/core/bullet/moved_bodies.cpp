@@ -82,7 +82,7 @@ std::vector<bool> find_touching(const Instant& now, Attached& attached) {
 // nor is the middle of what bounds it: they may be beside the link's shape, and below the ground without harm.
 GroundPoint ground_above(GroundReader& reader, const Vec3& inside, int body) {
   if (!std::isfinite(inside.x + inside.y + inside.z)) return NO_GROUND;
-  const GroundPoint ground = reader.near(inside, body);
+  const GroundPoint ground = reader.near(inside, INFINITE, body);
   return inside.z < ground.height ? ground : NO_GROUND;
 }
 
