@@ -23,17 +23,17 @@ GroundPoint GroundReader::at(const Vec3& p, double top) {
   return found;
 }
 
-GroundPoint GroundReader::near(const Vec3& p, double thickness, int body) {
+NearPoint GroundReader::near(const Vec3& p, double thickness, int body) {
   const double top = p.z + thickness;
-  GroundPoint found = at(p, top);
+  NearPoint found{at(p, top)};
   if (decks != nullptr) {
     for (DeckReader& deck : *decks) {
       if (deck.deck->body == body) continue;
       if (const GroundSample here = deck.near(p); is_above(here.height, found.height))
-        found = {here.height, here.velocity};
+        found = {{here.height, here.velocity}, deck.deck};
     }
   }
-  return std::isnan(found.height) && top > p.z ? at({p.x, p.y, top}, top) : found;
+  return std::isnan(found.height) && top > p.z ? NearPoint{at({p.x, p.y, top}, top)} : found;
 }
 
 GroundSample GroundReader::below(const Vec3& p) {

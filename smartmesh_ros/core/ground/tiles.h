@@ -25,6 +25,11 @@ struct NearbyGround {
 
 constexpr int NOBODY = -2;
 
+// The ground near a point, and the deck that has it; null = a map or a mesh beside decks, or there is none.
+struct NearPoint : GroundPoint {
+  const Deck* deck = nullptr;
+};
+
 // The height maps, the meshes and the decks of a terrain at one instant; `decks` is null if there are none.
 struct GroundReader {
   TileReader tiles;
@@ -38,7 +43,7 @@ struct GroundReader {
   // Returns the highest ground over or under `p`, beside the decks that a PyBullet `body` carries. Maps are solid as
   // far down as they are thick [m]. Ground of meshes above `p` counts up to there, and only where there is none below;
   // that of decks as in DeckReader::near.
-  GroundPoint near(const Vec3& p, double thickness = INFINITE, int body = NOBODY);
+  NearPoint near(const Vec3& p, double thickness = INFINITE, int body = NOBODY);
   // Returns the highest ground at (x, y), also of decks.
   GroundPoint highest(double x, double y) { return near({x, y, ABOVE_ALL}, 0.0); }
 
