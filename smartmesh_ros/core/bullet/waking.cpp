@@ -4,6 +4,7 @@
 #include "bullet/moved_bodies.h"
 #include "bullet/sleep.h"
 #include "bullet/untouchable.h"
+#include "step/correction.h"
 
 namespace smartmesh {
 

@@ -29,8 +29,8 @@ NearPoint GroundReader::near(const Vec3& p, double thickness, int body) {
   if (decks != nullptr) {
     for (DeckReader& deck : *decks) {
       if (deck.deck->body == body) continue;
-      if (const GroundSample here = deck.near(p); is_above(here.height, found.height))
-        found = {{here.height, here.velocity}, deck.deck};
+      const GroundSample here = top > p.z ? deck.near(p) : deck.below(p);
+      if (is_above(here.height, found.height)) found = {{here.height, here.velocity}, deck.deck};
     }
   }
   return std::isnan(found.height) && top > p.z ? NearPoint{at({p.x, p.y, top}, top)} : found;
