@@ -147,12 +147,12 @@ class Deck(Tiles):
 
     @property
     def thickness(self) -> float:
-        """How far below the deck the middle of a body is that still touches it [m]; may be assigned."""
+        """How far below the deck the middle of a body is that still touches it [m], above zero; may be assigned."""
         return float(self.core.thickness)
 
     @thickness.setter
     def thickness(self, thickness: float) -> None:
-        require(as_float(thickness) >= 0.0, "thickness", "the thickness of a deck", thickness, "zero or more [m]")
+        require(as_float(thickness) > 0.0, "thickness", "the thickness of a deck", thickness, "above zero [m]")
         self.core.thickness = float(thickness)
 
     def _put(self, time: float, pose: FloatArray, given: FloatArray | None = None) -> None:

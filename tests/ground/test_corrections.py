@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Deck, HeightMap, MotionConfig, World
+from smartmesh_ros import BodyState, Carrier, Deck, HeightMap, MotionConfig, World
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.terrain.grid import FloatArray
 from tests.bodies import rotation
@@ -167,27 +167,60 @@ def test_a_body_goes_with_its_tile_although_another_is_taken_away_at_once() -> N
 
 
 @pytest.mark.parametrize("by", [0.1, -0.1])
-@pytest.mark.parametrize("tilt", [0.0, 0.1])
-def test_bodies_go_with_corrections_of_the_deck_that_they_are_on_and_of_no_other_ground(by: float, tilt: float) -> None:
-    """One is on the deck, one on the road below it."""
+@pytest.mark.parametrize(("height", "tilt"), [(2.0, 0.0), (2.0, 0.1), (0.6, 0.0), (0.6, 0.1)])
+@pytest.mark.parametrize("sleep", [False, True])
+def test_bodies_go_with_corrections_of_the_deck_that_they_are_on_and_of_no_other_ground(
+    by: float, height: float, tilt: float, sleep: bool
+) -> None:
+    """A stack is on the deck, a box on the road below it."""
     orientation = (math.sin(0.5 * tilt), 0.0, 0.0, math.cos(0.5 * tilt))
     tile, road, up = corrected(), corrected(), rotation(np.array(orientation))[:, 2]
-    deck = Deck(tile, thickness=0.2, position=(0.0, 0.0, 2.0), orientation=orientation)
-    with world_of(terrain_of(road=road, deck=deck)) as world:
-        world.spawn("above", SHAPES["box"], 5.0, BodyState((0.0, 0.0, 2.0) + 0.15 * up, orientation))
+    deck = Deck(tile, thickness=0.2, position=(0.0, 0.0, height), orientation=orientation)
+    with world_of(terrain_of(road=road, deck=deck), sleep=sleep) as world:
+        for name, over in (("above", 0.15), ("top", 0.45)):
+            place = np.array([0.0, 0.0, height]) + over * up
+            world.spawn(name, SHAPES["box"], 5.0, BodyState(tuple(place), orientation))
         spawn(world, "box")
-        world.step(240)
-        for moved, other, ground in (("above", "box", tile), ("box", "above", road)):
-            before = {name: np.array(world.state(name).position) for name in (moved, other)}
+        for ground, moved, normal in ((tile, ["above", "top"], up), (road, ["box"], np.array([0.0, 0.0, 1.0]))):
+            world.step(480)
+            assert {world.is_asleep(name) for name in world.bodies} == {sleep}
+            before = {name: np.array(world.state(name).position) for name in world.bodies}
             ground.replace(FLAT + by, time=world.time)
             fastest = 0.0
             for _ in range(240):
                 world.step()
                 fastest = max(fastest, fastest_of(world))
-            normal = up if moved == "above" else np.array([0.0, 0.0, 1.0])
-            assert world.state(moved).position == pytest.approx(before[moved] + by * normal, abs=1e-3)
-            assert world.state(other).position == pytest.approx(before[other], abs=1e-4)
+            for name, place in before.items():
+                most = 1e-3 if name in moved else 1e-4
+                assert world.state(name).position == pytest.approx(place + by * normal * (name in moved), abs=most)
             assert fastest < 0.25
+        assert world.rescues == 0
+
+
+@pytest.mark.parametrize("by", [0.1, -0.1])
+@pytest.mark.parametrize("sleep", [False, True])
+def test_what_lies_on_a_deck_goes_with_the_body_that_carries_the_deck(by: float, sleep: bool) -> None:
+    """A raft goes with the correction of the ground that it lies on, a tracked body does not."""
+    ground = corrected()
+    terrain = terrain_of(ground=ground, bed=Deck(level(9), thickness=0.1), tray=Deck(level(9), thickness=0.1))
+    with world_of(terrain, sleep=sleep) as world:
+        world.spawn("raft", Box(0.8, 0.8, 0.3), 20.0, BodyState((-1.5, 0.0, 0.15)))
+        world.carry("bed", Carrier("raft", position=(0.0, 0.0, 0.16)))
+        world.track("hand", 0.1, BodyState((1.5, 0.0, 0.15)))
+        world.carry("tray", Carrier("hand", position=(0.0, 0.0, 0.16)))
+        for name, x in (("on the bed", -1.5), ("on the tray", 1.5)):
+            world.spawn(name, SHAPES["box"], 5.0, BodyState((x, 0.0, 0.46)))
+        world.step(480)
+        before = {name: np.array(world.state(name).position) for name in world.bodies}
+        ground.replace(FLAT + by, time=world.time)
+        fastest = 0.0
+        for _ in range(240):
+            world.step()
+            fastest = max(fastest, fastest_of(world))
+        for name, place in before.items():
+            rise = np.array([0.0, 0.0, by * (name in ("raft", "on the bed"))])
+            assert world.state(name).position == pytest.approx(place + rise, abs=2e-3)
+        assert fastest < 0.25
         assert world.rescues == 0
 
 

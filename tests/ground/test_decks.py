@@ -168,6 +168,24 @@ def test_a_cabin_that_rises_carries_what_is_inside_and_holds_it_back_at_its_roof
         assert world.rescues == 0
 
 
+@pytest.mark.parametrize("tilt", [0.0, 0.2])
+@pytest.mark.parametrize("thickness", [0.5, math.inf])
+def test_a_map_of_a_deck_is_solid_as_far_down_as_the_deck_is_thick(thickness: float, tilt: float) -> None:
+    """Between the storeys of a mesh of the same deck: a ball that is deeper falls onto the lower one."""
+    ship, depths = Ship(tilt=tilt), np.array([0.1, 0.25, 0.45, 0.7])
+    deck = Deck(a_map(), thickness=thickness, position=ship.position(0.0), orientation=ship.orientation(0.0))
+    sheet, triangles = mesh_parts.sheet(5.0, 10)
+    storeys = mesh_parts.joined((sheet + [0.0, 0.0, 1.0], triangles), (sheet - [0.0, 0.0, 1.0], triangles))
+    deck.put("storeys", TriangleMesh(*storeys))
+    with on_deck(deck) as world:
+        for name, depth in enumerate(depths):
+            place = np.array([0.5 * name - 1.0, 0.0, -depth])
+            world.spawn(str(name), Sphere(0.2), 1.0, BodyState(tuple(ship.to_world(place, 0.0))))
+        world.step(120)
+        heights = [ship.to_deck(world.state(name).position, 0.0)[2] for name in world.bodies]
+    assert heights == pytest.approx(np.where(depths < thickness, 0.2, -0.8), abs=1e-3)
+
+
 def test_a_ball_that_is_thrown_at_a_deck_upside_down_stays_below_it() -> None:
     deck = Deck(a_map(), thickness=0.3, position=(0.0, 0.0, 2.0), orientation=(1.0, 0.0, 0.0, 0.0))
     with on_deck(deck) as world:

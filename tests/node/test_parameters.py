@@ -209,7 +209,7 @@ MAPS = f"qos_overrides.{COLLIDER}/heightmap.subscription"
         ({"decks": ["{deck: ferry, frame: a, body: b}"]}, "frame, odometry, body"),
         ({"decks": ["{deck: ferry, frame: a, link: b}"]}, "a link is that of a body"),
         ({"decks": ["{deck: ferry, odometry: 'no topic'}"]}, "odometry"),
-        ({"decks": ["{deck: ferry, frame: a, thickness: -1}"]}, "thickness"),
+        ({"decks": ["{deck: ferry, frame: a, thickness: 0}"]}, "the thickness is a number of metres above zero"),
         ({"decks": ["{deck: ferry, frame: a, rpy: [0, 0, .inf]}"]}, "rpy must be three finite numbers"),
     ],
 )

@@ -111,7 +111,7 @@ REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
     (layer("rolling"), "rolling"): [((INF * ONES,), "zero or more")],
     (layer("rolling"), "length"): [((np.ones((3, 3)),), "it must be")],
     (layer("soil"), "soil"): [((np.full((9, 12), 255),), "0 to 254")],
-    (Deck, "thickness"): [({"thickness": given}, "zero or more") for given in (-1.0, NAN, [0.1])],
+    (Deck, "thickness"): [({"thickness": given}, "above zero") for given in (-1.0, 0.0, NAN, [0.1])],
     (deck_move, "deck"): [
         *((((0.0, 0.0, *more),), "three finite numbers") for more in ((), (NAN,))),
         ({"position": (0.0, 0.0, 0.0), "velocity": (1.0, 0.0, 0.0)}, "give both the velocity and the spin"),

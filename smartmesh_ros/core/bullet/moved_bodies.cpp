@@ -82,7 +82,7 @@ std::vector<bool> find_touching(const Instant& now, Attached& attached) {
 // nor is the middle of what bounds it: they may be beside the link's shape, and below the ground without harm.
 GroundPoint ground_above(GroundReader& reader, const Vec3& inside, int body) {
   if (!std::isfinite(inside.x + inside.y + inside.z)) return NO_GROUND;
-  const GroundPoint ground = reader.near(inside, body);
+  const GroundPoint ground = reader.near(inside, INFINITE, body);
   return inside.z < ground.height ? ground : NO_GROUND;
 }
 
@@ -137,6 +137,7 @@ void move_with_corrections_of(Tiles& tiles, const Deck* deck, const Instant& now
   if (corrections.empty()) return;
   const btTransform frame = deck != nullptr ? to_bullet(deck->motion.at(now.time).pose) : btTransform::getIdentity();
   const std::vector<bool> stands = find_touching(now, attached);
+  GroundReader reader = now.terrain->reader(now.time, INSTANT);
   for (const AttachedBody& body : attached.bodies) {
     btCollisionObject* object = nullptr;
     BodyPose pose;
@@ -144,8 +145,8 @@ void move_with_corrections_of(Tiles& tiles, const Deck* deck, const Instant& now
     for (int k : body.slots) {
       const Slot& slot = attached.slots[k];
       if (!slot.kind.is_solid || slot.rest.asleep || slot.object == nullptr) continue;
+      if (!is_borne_by(deck, slot, reader, attached)) continue;
       const BodyPose here = body_pose(frame.inverseTimes(slot.object->getWorldTransform()));
-      if (deck != nullptr && (deck->body == slot.body || deck->is_above(here.at, now.time))) continue;
       if (object == nullptr) object = slot.object, pose = body_pose(frame.inverseTimes(base_of(*object)));
       for (const auto& [map, shown] : corrections) {
         HeightGrid before = *map;
@@ -160,6 +161,18 @@ void move_with_corrections_of(Tiles& tiles, const Deck* deck, const Instant& now
 }
 
 }  // namespace
+
+bool is_borne_by(const Deck* ground, const Slot& slot, GroundReader& reader, Attached& attached) {
+  const std::size_t most = reader.decks == nullptr ? 0 : reader.decks->size();
+  const Slot* it = &slot;
+  for (std::size_t carriers = 0; carriers <= most && it != nullptr && !is_fixed(*it->object); ++carriers) {
+    const Solid solid(it->body_shape->outline, body_pose(it->object->getWorldTransform()));
+    const Deck* deck = reader.near(solid.centre, INFINITE, it->body).deck;
+    if (deck == ground || deck == nullptr) return deck == ground;
+    it = attached.has_body(deck->body) ? attached.moving_slot(attached.bodies[deck->body]) : nullptr;
+  }
+  return false;
+}
 
 void move_with_corrections(const Instant& now, Attached& attached) {
   move_with_corrections_of(*now.terrain, nullptr, now, attached);

@@ -22,7 +22,8 @@ Bounds Deck::local_bounds(const Pose& pose, const Bounds& bounds) {
 
 bool Deck::is_above(const Vec3& p, double time) const {
   if (std::isinf(thickness)) return false;
-  return tiles.reader(time, INSTANT).near(p).height - p.z > thickness;
+  GroundReader reader = tiles.reader(time, INSTANT);
+  return std::isnan(reader.near(p, thickness).height) && !std::isnan(reader.highest(p.x, p.y).height);
 }
 
 void Deck::add_ground_under(const Bounds& bounds, double time, GroundUnder& found) {
@@ -50,11 +51,11 @@ RayHit DeckReader::first_hit(const Ray& ray) {
   return hit;
 }
 
-GroundSample DeckReader::below(const Vec3& p) {
+GroundSample DeckReader::first_along(const Vec3& p, double up) {
   const Vec3 from{p.x, p.y, std::min(p.z, HIGHEST)};
-  const RayHit hit = first_hit({from, {0.0, 0.0, -1.0}, 2.0 * HIGHEST});
+  const RayHit hit = first_hit({from, {0.0, 0.0, up}, 2.0 * HIGHEST});
   if (!std::isfinite(hit.distance)) return {};
-  const Vec3 at{from.x, from.y, from.z - hit.distance};
+  const Vec3 at{from.x, from.y, from.z + up * hit.distance};
   const Vec3 local = frame.pose.to_local(at);
   const GroundSample here = ground.below({local.x, local.y, local.z + ABOVE});
   const Vec3 own = std::isnan(here.height) ? Vec3{} : frame.pose.rotation * here.velocity;
@@ -62,10 +63,13 @@ GroundSample DeckReader::below(const Vec3& p) {
 }
 
 GroundSample DeckReader::near(const Vec3& p) {
-  const GroundSample here = below(p);
+  const double thickness = deck->thickness;
   const Vec3 local = frame.pose.to_local({p.x, p.y, std::min(p.z, HIGHEST)});
-  if (!std::isnan(here.height) || !(local.z < ground.near(local).height)) return here;
-  return below({p.x, p.y, p.z + deck->thickness});
+  if (local.z < ground.tiles.at(local.x, local.y, local.z + thickness).facet.height)
+    if (const GroundSample over = first_along(p, 1.0); !std::isnan(over.height)) return over;
+  const GroundSample here = below(p);
+  if (!std::isnan(here.height) || !(local.z < ground.near(local, thickness).height)) return here;
+  return below({p.x, p.y, p.z + thickness});
 }
 
 }  // namespace smartmesh

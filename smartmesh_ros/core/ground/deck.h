@@ -38,10 +38,15 @@ struct DeckReader {
   // Returns what a ray of the world meets first.
   RayHit first_hit(const Ray& ray);
   // Returns the highest ground at (p.x, p.y) that is at most as high as `p`.
-  GroundSample below(const Vec3& p);
-  // Returns the ground below `p`; where there is none, and `p` is below the deck as seen in the deck's frame, the
-  // highest that is not farther above `p` than the deck is thick.
+  GroundSample below(const Vec3& p) { return first_along(p, -1.0); }
+  // Returns the ground over `p` if that is in a height map, as seen in the deck's frame, which is solid as far down as
+  // the deck is thick; else the ground below `p`; where there is none, and `p` is below a mesh, the highest that is not
+  // farther above `p` than the deck is thick.
   GroundSample near(const Vec3& p);
+
+ private:
+  // Returns the ground that is first above `p`, or below it for `up` -1.
+  GroundSample first_along(const Vec3& p, double up);
 };
 
 }  // namespace smartmesh

@@ -10,9 +10,6 @@ namespace smartmesh {
 
 namespace {
 
-// Height that stands for a hole, so that holes are equal [m].
-constexpr double HOLE = 1e300;
-
 // Returns the samples around a box on a map in a pose, without rows or columns if the box is beside the map.
 Region samples_around(const HeightGrid& grid, const GridPose& pose, const Bounds& box) {
   const GridExtent extent = extent_of(pose, grid.resolution, box);
@@ -79,19 +76,6 @@ bool differs(const GroundUnder& before, const GroundUnder& now, const Tolerance&
     if (!(std::abs(now.heights[k] - before.heights[k]) <= limit)) return true;
   }
   return false;
-}
-
-double correction(const GroundUnder& before, const GroundUnder& now, double lowest, int& count) {
-  double sum = 0.0;
-  int corrected = 0;
-  for (std::size_t k = 0; k < std::min(before.heights.size(), now.heights.size()); ++k) {
-    if (now.variances[k] < 0.0f || now.heights[k] == HOLE || before.heights[k] == HOLE) continue;
-    if (lowest - before.heights[k] > HIGHEST_MOVED) continue;
-    sum += now.heights[k] - before.heights[k];
-    ++corrected;
-  }
-  count += corrected;
-  return corrected > 0 ? sum / corrected : 0.0;
 }
 
 }  // namespace smartmesh

@@ -8,6 +8,9 @@
 
 namespace smartmesh {
 
+// Height of samples without ground, so that holes are equal [m].
+constexpr double HOLE = 1e300;
+
 // Ground inside the bounds of a body. `heights` [m] and `materials` of the samples of height maps, whose `variances`
 // [m^2] are negative where a map is not fused, and the coordinates of the vertices of meshes [m]. `slides`: it moves
 // horizontally.
@@ -50,13 +53,5 @@ struct Tolerance {
 
 // Returns true if the ground differs from what it was `before` by more than a body minds.
 bool differs(const GroundUnder& before, const GroundUnder& now, const Tolerance& tolerance);
-
-// Largest height of a body's lowest point above the ground at which the body moves with a correction [m]. High enough
-// for stacked bodies, so that stacks stay whole.
-constexpr double HIGHEST_MOVED = 1.0;
-
-// Returns by how much fused or corrected samples under a body rose on average [m], whose `lowest` point moves with
-// them, and adds their number to `count`.
-double correction(const GroundUnder& before, const GroundUnder& now, double lowest, int& count);
 
 }  // namespace smartmesh

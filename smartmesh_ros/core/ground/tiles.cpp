@@ -14,25 +14,26 @@ bool is_above(double height, double other) { return !(height <= other) && !std::
 
 }  // namespace
 
-GroundPoint GroundReader::at(double x, double y, double z) {
-  const GridFacet tile = tiles.at(x, y).facet;
+GroundPoint GroundReader::at(const Vec3& p, double top) {
+  const GridFacet tile = tiles.at(p.x, p.y, top).facet;
   GroundPoint found{tile.height, {0.0, 0.0, tile.velocity}};
   for (MeshReader& mesh : meshes)
-    if (const GroundSample here = mesh.below(x, y, z); is_above(here.height, found.height))
+    if (const GroundSample here = mesh.below(p.x, p.y, p.z); is_above(here.height, found.height))
       found = {here.height, here.velocity};
   return found;
 }
 
-GroundPoint GroundReader::near(const Vec3& p, int body) {
-  GroundPoint found = at(p.x, p.y, p.z);
+NearPoint GroundReader::near(const Vec3& p, double thickness, int body) {
+  const double top = p.z + thickness;
+  NearPoint found{at(p, top)};
   if (decks != nullptr) {
     for (DeckReader& deck : *decks) {
       if (deck.deck->body == body) continue;
-      if (const GroundSample here = deck.near(p); is_above(here.height, found.height))
-        found = {here.height, here.velocity};
+      const GroundSample here = top > p.z ? deck.near(p) : deck.below(p);
+      if (is_above(here.height, found.height)) found = {{here.height, here.velocity}, deck.deck};
     }
   }
-  return std::isnan(found.height) ? at(p.x, p.y) : found;
+  return std::isnan(found.height) && top > p.z ? NearPoint{at({p.x, p.y, top}, top)} : found;
 }
 
 GroundSample GroundReader::below(const Vec3& p) {

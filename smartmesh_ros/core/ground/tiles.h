@@ -25,20 +25,27 @@ struct NearbyGround {
 
 constexpr int NOBODY = -2;
 
+// The ground near a point, and the deck that has it; null = a map or a mesh beside decks, or there is none.
+struct NearPoint : GroundPoint {
+  const Deck* deck = nullptr;
+};
+
 // The height maps, the meshes and the decks of a terrain at one instant; `decks` is null if there are none.
 struct GroundReader {
   TileReader tiles;
   std::vector<MeshReader> meshes;
   std::shared_ptr<std::vector<DeckReader>> decks;
 
-  // Returns the highest ground of maps and meshes at (x, y). Ground of meshes above `z` [m] does not count.
-  GroundPoint at(double x, double y, double z = ABOVE_ALL);
+  // Returns the highest ground of maps and meshes at (p.x, p.y), of maps not above `top` [m] and of meshes not
+  // above `p`.
+  GroundPoint at(const Vec3& p, double top);
 
-  // Returns the highest ground over or under `p`, beside the decks that a PyBullet `body` carries. Ground of meshes
-  // above `p` counts only where there is none below, that of decks as in DeckReader::near.
-  GroundPoint near(const Vec3& p, int body = NOBODY);
+  // Returns the highest ground over or under `p`, beside the decks that a PyBullet `body` carries. Maps are solid as
+  // far down as they are thick [m]. Ground of meshes above `p` counts up to there, and only where there is none below;
+  // that of decks as in DeckReader::near.
+  NearPoint near(const Vec3& p, double thickness = INFINITE, int body = NOBODY);
   // Returns the highest ground at (x, y), also of decks.
-  GroundPoint highest(double x, double y) { return near({x, y, ABOVE_ALL}); }
+  GroundPoint highest(double x, double y) { return near({x, y, ABOVE_ALL}, 0.0); }
 
   // Returns the highest ground of maps, meshes and decks that is not above `p`, as sensors see it.
   GroundSample below(const Vec3& p);

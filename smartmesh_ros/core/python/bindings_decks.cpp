@@ -48,7 +48,7 @@ void add_decks(nb::module_& m) {
       .def_prop_rw(
           "thickness", [](const DeckOfTiles& d) { return d.deck.thickness; },
           [](DeckOfTiles& d, double thickness) {
-            if (!(thickness >= 0.0)) throw std::invalid_argument("a thickness is zero or more");
+            if (!(thickness > 0.0)) throw std::invalid_argument("a thickness is above zero");
             const StepLock lock;
             d.deck.thickness = thickness;
           })

@@ -1,5 +1,6 @@
 #include "step/correction.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "ground/tiles.h"
@@ -8,6 +9,9 @@ namespace smartmesh {
 
 namespace {
 
+// Largest height of a body's lowest point above the ground at which the body moves with a correction [m]. High enough
+// for stacked bodies, so that stacks stay whole.
+constexpr double HIGHEST_MOVED = 1.0;
 // Points on a side of the sampling grid under a shape.
 constexpr int POINTS = 5;
 // Share of a shape's rounding radius by which the sampling grid is wider than its core. Small, because a ball touches
@@ -112,6 +116,19 @@ bool move_with(const CorrectionSums& sums, BodyPose& pose) {
   pose.at = pose.at + rotated(tilt, away) - away + Vec3{0.0, 0.0, lift};
   pose.orientation = tilt * pose.orientation;
   return true;
+}
+
+double correction(const GroundUnder& before, const GroundUnder& now, double lowest, int& count) {
+  double sum = 0.0;
+  int corrected = 0;
+  for (std::size_t k = 0; k < std::min(before.heights.size(), now.heights.size()); ++k) {
+    if (now.variances[k] < 0.0f || now.heights[k] == HOLE || before.heights[k] == HOLE) continue;
+    if (lowest - before.heights[k] > HIGHEST_MOVED) continue;
+    sum += now.heights[k] - before.heights[k];
+    ++corrected;
+  }
+  count += corrected;
+  return corrected > 0 ? sum / corrected : 0.0;
 }
 
 }  // namespace smartmesh

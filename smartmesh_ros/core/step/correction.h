@@ -4,7 +4,7 @@
 // body is rotated as the first plane tilts and moved vertically by the second plane, about the nearest point below it.
 #pragma once
 
-#include "map/height_grid.h"
+#include "ground/ground_under.h"
 #include "shape/body_shape.h"
 
 namespace smartmesh {
@@ -25,5 +25,9 @@ void add_points_under(const HeightGrid& before, const HeightGrid& after, double 
 
 // Moves a body with the ground under it; returns false if the ground did not change.
 bool move_with(const CorrectionSums& sums, BodyPose& pose);
+
+// Returns by how much fused or corrected samples under a body rose on average [m], whose `lowest` point moves with
+// them, and adds their number to `count`.
+double correction(const GroundUnder& before, const GroundUnder& now, double lowest, int& count);
 
 }  // namespace smartmesh

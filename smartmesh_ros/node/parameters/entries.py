@@ -206,8 +206,8 @@ def _deck_entry(found: dict[str, Any], _: int) -> DeckEntry:
     if sources == ["odometry"]:
         require_topic(names["odometry"])
     thickness = found.get("thickness", math.inf)
-    if type(thickness) not in (int, float) or not thickness >= 0.0:
-        raise InputError("parameter", "the thickness is a number of metres, zero or more")
+    if type(thickness) not in (int, float) or not thickness > 0.0:
+        raise InputError("parameter", "the thickness is a number of metres above zero")
     roll, pitch, yaw = _three(found.get("rpy", [0.0, 0.0, 0.0]), "rpy")
     orientation = product(product(about(Z, yaw), about(Y, pitch)), about(X, roll))
     at = _three(found.get("at", [0.0, 0.0, 0.0]), "at")
