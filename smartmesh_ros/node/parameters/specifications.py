@@ -13,7 +13,6 @@ from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 from rclpy.node import Node
 
 from smartmesh_ros.errors import InputError, naming
-from smartmesh_ros.io.files import expanded
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.declaring import ParameterNode, Spec
@@ -21,6 +20,7 @@ from smartmesh_ros.node.parameters.entries import deck_entries, output_entries, 
 from smartmesh_ros.node.parameters.helping import files_of, mismatch
 from smartmesh_ros.node.parameters.settings import Settings, TerrainChanges, body_sources, peer_names
 from smartmesh_ros.terrain.motion import MOST_SMOOTHING
+from smartmesh_ros.world.robots.description import expanded
 
 ConfigT = TypeVar("ConfigT")
 
