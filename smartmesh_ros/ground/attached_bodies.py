@@ -58,7 +58,10 @@ class AttachedBodies:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make a ground that answers questions about its terrain, and refuses what needs a client."""
-        nobody: Any = NoClient()
+        nobody: Any = NoClient(
+            "this ground is a copy, and PyBullet's world cannot be copied: make Ground(client, ground.terrain) and "
+            "attach its bodies"
+        )
         vars(self).update(state, _client=nobody, _calls=nobody, patches=nobody, contacts=nobody)
         self.followers, self.stopwatch, self._soil, self._shown = Followers(), Stopwatch(), None, None
         self._printed = math.nan
