@@ -170,7 +170,8 @@ class AttachedBodies:
         A sleeping body keeps its contacts, and costs little. It wakes with all that it touches, in the step in which
         something touches or moves it: other bodies, attached or not; constraints; poses, velocities, forces and joint
         commands that are set through PyBullet; another ground. A multibody that a constraint holds to something else
-        stays awake; whoever changes a constraint of rigid bodies must `wake` them.
+        stays awake. PyBullet's ``changeDynamics`` and collision filters wake nobody, nor do changes of constraints of
+        rigid bodies: call `wake` after them.
         """
         self.contacts.let_sleep(config)
 
