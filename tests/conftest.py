@@ -6,6 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+# Messages refuse values of other types than their fields have, as documented for users. It is read at their import.
+os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
+
 import pybullet as pb
 import pytest
 from hypothesis import settings

@@ -58,7 +58,10 @@ class AttachedBodies:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Make a ground that answers questions about its terrain, and refuses what needs a client."""
-        nobody: Any = NoClient()
+        nobody: Any = NoClient(
+            "this ground is a copy, and PyBullet's world cannot be copied: make Ground(client, ground.terrain) and "
+            "attach its bodies"
+        )
         vars(self).update(state, _client=nobody, _calls=nobody, patches=nobody, contacts=nobody)
         self.followers, self.stopwatch, self._soil, self._shown = Followers(), Stopwatch(), None, None
         self._printed = math.nan
@@ -167,7 +170,8 @@ class AttachedBodies:
         A sleeping body keeps its contacts, and costs little. It wakes with all that it touches, in the step in which
         something touches or moves it: other bodies, attached or not; constraints; poses, velocities, forces and joint
         commands that are set through PyBullet; another ground. A multibody that a constraint holds to something else
-        stays awake; whoever changes a constraint of rigid bodies must `wake` them.
+        stays awake. PyBullet's ``changeDynamics`` and collision filters wake nobody, nor do changes of constraints of
+        rigid bodies: call `wake` after them.
         """
         self.contacts.let_sleep(config)
 

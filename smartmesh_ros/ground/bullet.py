@@ -33,18 +33,17 @@ class NumberedClient:
 
 
 class NoClient:
-    """Takes the place of the client, and of all that works in it, in a copy of a ground: refuses whatever is asked."""
+    """Takes the place of a client that is not there, and of all that works in it: refuses whatever is asked, and says
+    ``why``."""
 
-    WHY = (
-        "this ground is a copy, and PyBullet's world cannot be copied: make Ground(client, ground.terrain) and attach "
-        "its bodies"
-    )
+    def __init__(self, why: str) -> None:
+        self.why = why
 
     def __getattr__(self, name: str) -> Any:
         """Raise `InputError`."""
         if name.startswith("__"):
             raise AttributeError(name)
-        raise InputError("client", self.WHY)
+        raise InputError("client", self.why)
 
     def close(self) -> None:
         """There is nothing to close."""

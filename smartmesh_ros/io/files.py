@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import warnings
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,20 +13,14 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import GRID_TOLERANCE, FloatGrid, Raster, RasterConfig, from_cells, from_image, scaled
+from smartmesh_ros.world.robots.description import expanded
 
 GEOREFERENCED = (".tif", ".tiff", ".asc")
 KINDS = (".npy", ".png", *GEOREFERENCED)
 
 
-def expanded(path: str | Path) -> Path:
-    """Return a path in which ``~`` is a user's home; as it is if there is no such user."""
-    with suppress(RuntimeError):
-        return Path(path).expanduser()
-    return Path(path)
-
-
 def load(path: str | Path, config: RasterConfig | None = None, max_samples: int = 64_000_000) -> Raster:
-    """Return the surface in a file.
+    """Return the surface in a file; its ``path`` may be a URI, or begin with ``~``.
 
     ``config`` places ``.npy`` arrays, ``.png`` images (8 or 16 bit grey) and TIFF images without georeference. GeoTIFF
     and ESRI ASCII files contain their position, resolution, units and no-data value, and need rasterio. The size is

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from smartmesh_ros.errors import InputError, listed
-from smartmesh_ros.world.robots.description import is_text, named_file, read_description
+from smartmesh_ros.world.robots.description import is_text, located, named_file, read_description
 from smartmesh_ros.world.robots.quantities import check_quantities
 
 # Maximum length of a description [bytes], and number of links of a robot.
@@ -24,6 +24,7 @@ AS_TEXT = ", or send the text instead of the path"
 def checked_urdf(urdf: str, folders: Sequence[Path]) -> str:
     """Return a description that is safe to load: the text itself, or the resolved path of its file, which must be in
     one of the allowed ``folders``, as its meshes must. Raises `InputError`."""
+    urdf = located(urdf)
     length = len(urdf)
     if not is_text(urdf):
         path = require_inside(Path(urdf), folders, f"URDF file {urdf!r}", cure=AS_TEXT)
@@ -73,7 +74,7 @@ def require_inside(path: Path, folders: Sequence[Path], what: str, cure: str = "
 
 def _resolved(path: Path) -> Path:
     try:
-        resolved = path.expanduser().resolve()
+        resolved = path.resolve()
         resolved.exists()  # fails for names that are too long
     except (OSError, RuntimeError, ValueError) as error:
         raise InputError("urdf", f"{str(path)[:200]!r} is not a path: {error}") from None

@@ -12,7 +12,7 @@ import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.bullet import BulletCalls, undone
+from smartmesh_ros.ground.bullet import BulletCalls, NoClient, undone
 from smartmesh_ros.ground.config import set_up
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.shown_patches import ShownPatches
@@ -108,9 +108,13 @@ class World(SavedWorld):
         self.guests.config, self.falls.config = config.guests, config.falls
 
     def close(self) -> None:
-        """Disconnect from PyBullet."""
+        """Disconnect from PyBullet. What needs a client raises `InputError` from now on."""
+        if isinstance(self.client, NoClient):
+            return
         if self.client.isConnected():
             self.client.disconnect()
+        nobody: Any = NoClient("this world is closed; make another")
+        self.client = self.ground = self.falls = nobody
 
     def update(self) -> None:
         """Do what a step does before physics, see `Ground.update`. Call it while no steps are taken."""

@@ -137,8 +137,8 @@ def test_a_robot_is_sent_as_the_node_reads_its_file(shared: Probe, smartmesh: Co
 def test_messages_that_cannot_be_imported_are_named(
     shared: Probe, smartmesh: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(sys.modules, "smartmesh_msgs.msg", None)
-    assert "smartmesh_msgs/msg/TrackedBodyArray is not installed" in smartmesh("echo", "body_states", "--once")
+    monkeypatch.setitem(sys.modules, "sensor_msgs.msg", None)  # of which nothing is received meanwhile
+    assert "sensor_msgs/msg/JointState is not installed" in smartmesh("echo", "joint_states", "--once")
 
 
 def test_physics_and_parameters_are_set(shared: Probe, smartmesh: Command) -> None:

@@ -61,7 +61,8 @@ def test_a_description_is_of_the_robot_that_is_there_or_of_a_new_one_in_its_plac
         assert describe(text).position == pytest.approx(place, abs=0.02), "a new one"
 
 
-def test_the_packages_of_a_file_are_found_as_those_of_a_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_files_are_found_in_packages_and_at_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever names them: parameters, services, and descriptions as files or texts."""
     share = tmp_path / "install/share"
     index = share / "ament_index/resource_index/packages"
     index.mkdir(parents=True)
@@ -74,18 +75,24 @@ def test_the_packages_of_a_file_are_found_as_those_of_a_text(tmp_path: Path, mon
     file = tmp_path / "my robot.urdf"
     file.write_text(text.replace("<collision>", seen))
     local = f"file://localhost{file}".replace(" ", "%20")
+    np.save(share / "my_robot/far hill.npy", np.full((5, 5), 7.0))
     monkeypatch.setenv("AMENT_PREFIX_PATH", f"{os.environ['AMENT_PREFIX_PATH']}:{share.parent}")
+    monkeypatch.setenv("HOME", str(tmp_path))
     parameters = {
-        "bodies.urdf_folders": [str(tmp_path)], "robot.description": str(file),
+        "bodies.urdf_folders": ["package://my_robot", "~"], "robot.description": "~/my robot.urdf",
         "robot.start": ["{id: robot, xy: [0, 0], above: 1.0}"],
-        "bodies.spawn": [f"{{id: spawned, urdf: {file}, xy: [4, 4], align: true}}"],
+        "bodies.spawn": ["{id: spawned, urdf: ~/my robot.urdf, xy: [4, 4], align: true}"],
+        "bodies.shapes": ["{body: seen, urdf: '~/my robot.urdf'}"],
+        "terrain.file": "package://my_robot/far%20hill.npy", "raster.origin": [100.0, 0.0, 0.0],
     }  # fmt: skip
     with on_level(parameters) as run:
+        assert run.world.terrain.at([(100.2, 0.2)], 0.0).heights == pytest.approx(7.0)
         run.run(0.1)
-        for name, urdf in (("text", text), ("path", str(file)), ("uri", f"file://{file}"), ("local", local)):
+        given = {"text": text, "path": str(file), "uri": f"file://{file}", "local": local, "home": f"~/{file.name}"}
+        for name, urdf in given.items():
             answer = run.call("spawn_body", SpawnBody.Request(id=name, urdf=urdf, pose=pose_message((2.0, 2.0, 9.0))))
             assert answer.success, answer.message
-        assert run.world.bodies.keys() == {"robot", "spawned", "text", "path", "uri", "local"}
+        assert run.world.bodies.keys() == {"robot", "spawned", *given}
         part.rename(part.with_name("other.obj"))
         answer = run.call("spawn_body", SpawnBody.Request(id="late", urdf=str(file)))
         assert not answer.success and "package://my_robot/my%20meshes/part.obj" in answer.message

@@ -83,7 +83,7 @@ def height(run: Replay, x: float) -> float:
     return float(answer.z[0])
 
 
-def test_a_world_takes_the_place_of_another(run: Replay, worlds: Path) -> None:
+def test_a_world_takes_the_place_of_another(run: Replay, worlds: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     s, none = SimulationState, srv.GetCurrentWorld.Response.NO_WORLD_LOADED
     assert ask(run, "get_current_world").result.result == none
     assert ask(run, "unload_world").result.result == none
@@ -110,9 +110,12 @@ def test_a_world_takes_the_place_of_another(run: Replay, worlds: Path) -> None:
     assert set(entities(run)) == {"ball", "rover"}
     assert height(run, 4.0) == pytest.approx(0.8, abs=1e-6), "an episode begins with the new world"
 
-    assert ask(run, "load_world", uri=f"file://{worlds}/slope.npy").world.name == "slope"
-    assert (entities(run), state(run)) == ([], s.STATE_STOPPED)
-    assert height(run, 4.0) == pytest.approx(1.6, abs=1e-6), "cells of 0.25 m, by the parameter"
+    monkeypatch.setenv("HOME", str(worlds))
+    scene(worlds / "home.yaml", **{"terrain.file": "~/slope.npy"})
+    for name in ("slope.npy", "home.yaml"):
+        assert ask(run, "load_world", uri=f"file://{worlds}/{name}").world.name == name.partition(".")[0]
+        assert (entities(run), state(run)) == ([], s.STATE_STOPPED)
+        assert height(run, 4.0) == pytest.approx(1.6, abs=1e-6), "cells of 0.25 m, by the parameter"
 
     done(run, "unload_world")
     assert ask(run, "get_current_world").result.result == none

@@ -70,26 +70,30 @@ def test_executables_end_quietly_if_nobody_reads_their_output() -> None:
         assert (process.communicate(timeout=TIMEOUT)[1], process.returncode) == ("", 0), process.args
 
 
-def test_parameters_that_have_no_effect_are_warned_about(
+def test_sources_of_parameters_are_named_and_those_without_effect_are_warned_about(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, logged: Logged
 ) -> None:
-    """Unknown ones, and those of a file for other nodes alone: files are for those that ROS takes them for."""
+    """Unknown ones, and those of a file for other nodes alone: files are for those that ROS takes them for. launch_ros
+    makes the files launch_params_*."""
     arguments = ["--ros-args", "-r", "__ns:=/robot"]
-    for number, text in enumerate((
-        "/**: {ros__parameters: {decks: [{deck: ferry, frame: ship}]}}",
-        "/**: {ros__parameters: {physics.rate: 100.0}}",
-        "robot: {terrain_collider: {ros__parameters: {physics.sleep: false}}}",
-        "/*/terrain_collider: {ros__parameters: {terrain.motion: hold}}",
-        "/terrain_collider: {ros__parameters: {physics.rate: 50.0}}",
-    )):  # fmt: skip
-        file = tmp_path / f"{number}.yaml"
+    for name, text in (
+        ("decks.yaml", "/**: {ros__parameters: {decks: [{deck: ferry, frame: ship}]}}"),
+        ("launch_params_0mb3x", "/**: {ros__parameters: {physics.rate: 100.0}}"),
+        ("launch_params_7qk1y", "robot: {terrain_collider: {ros__parameters: {physics.sleep: false}}}"),
+        ("hold.yaml", "/*/terrain_collider: {ros__parameters: {terrain.motion: hold}}"),
+        ("stray.yaml", "/terrain_collider: {ros__parameters: {physics.rate: 50.0}}"),
+    ):
+        file = tmp_path / name
         file.write_text(text)
         arguments += ["--params-file", str(file)]
     monkeypatch.setattr(sys, "argv", ["terrain_collider", *arguments])
     with made_with(TerrainCollider, {"terrain.motoin": "hold"}, arguments[1:]) as node:
         physics, motion = node.settings.world.physics, node.settings.motion
         assert (physics.rate, physics.sleep, motion.mode) == (100.0, False, "hold")
-    deck, unknown, stray = (line for line in logged().splitlines() if "[WARN]" in line)
+    lines = logged().splitlines()
+    deck, unknown, stray = (line for line in lines if "[WARN]" in line)
+    [start] = (line for line in lines if "[INFO]" in line)
+    assert start.endswith(f"parameters: {tmp_path}/decks.yaml, values in a launch file, {tmp_path}/hold.yaml")
     entries = "is unknown and has no effect; each entry of 'decks' is a text in quotes: \"{...}\""
     assert f"parameter 'decks.deck' {entries}" in deck
     assert "parameter 'terrain.motoin' is unknown and has no effect; did you mean 'terrain.motion'?" in unknown

@@ -5,12 +5,16 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import pytest
 from grid_map_msgs.msg import GridMap
 from map_msgs.msg import OccupancyGridUpdate
 from nav_msgs.msg import OccupancyGrid
 from numpy.typing import NDArray
 from sensor_msgs.msg import Image, PointCloud2, PointField
 
+from smartmesh_ros.errors import InputError
+from smartmesh_ros.io.rasters import RasterConfig
+from smartmesh_ros.node.inputs.adapters import grid_map_raster
 from smartmesh_ros.tools.testing import pose_message
 from tests.grid_maps import grid_map_message
 from tests.node.shared import Fed, Logged, fed, stamped
@@ -114,6 +118,8 @@ def test_grid_maps_of_both_orders_scroll_with_their_robot(logged: Logged) -> Non
         )  # fmt: skip
         assert shows(node, there)
     assert "there is no layer 'elevation'; raster.layer may be one of variance, height" in logged()
+    with pytest.raises(InputError, match="there is no layer 'elevation'; the map has no layers"):
+        grid_map_raster(GridMap(), RasterConfig())
 
 
 def test_images_are_placed_by_parameters() -> None:

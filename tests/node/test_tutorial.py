@@ -219,8 +219,10 @@ def test_an_elevation_map_becomes_patches_under_the_robot(tmp_path: Path) -> Non
                 node.give("/odom", stamped(node, odometry, "odom"))
                 assert np.isnan(node.heights(x, 0.2))
                 continue
-            node.give("/tf", TFMessage(transforms=[transform_message(node, "map", "odom", (0.0, 10.0, 0.0))]))
-            node.give("/odom", stamped(node, odometry, "odom"))
+            place = transform_message(node, "map", "odom", (0.0, 10.0, 0.0))
+            node.give("/tf", TFMessage(transforms=[place]))
+            odometry.header.frame_id, odometry.header.stamp = "odom", place.header.stamp  # however long the steps took
+            node.give("/odom", odometry)
             patches = node.world.patches().table()
             assert [patches.slots[0]] == [*patches.slots]
             points = patches.points_of(0)

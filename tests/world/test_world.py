@@ -69,6 +69,16 @@ def test_what_cannot_be_is_refused_and_nothing_changes(world: World, act: Callab
     assert world.state("ball").position[2] == pytest.approx(0.2, abs=1e-3)
 
 
+def test_a_closed_world_says_that_it_is_closed() -> None:
+    world = World(level(11))
+    world.spawn("ball", Sphere(0.2), 1.0)
+    world.close()
+    world.close()
+    for ask in (world.step, world.update, world.contacts, world.patches, world.save, partial(world.state, "ball")):
+        with pytest.raises(InputError, match="this world is closed; make another"):
+            ask()
+
+
 def test_a_tracked_body_that_is_not_heard_of_goes_no_farther(world: World) -> None:
     """However long its time-out is: its last velocity says nothing about so much later."""
     tracking = Tracking(world, timeout=60.0)

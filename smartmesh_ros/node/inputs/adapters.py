@@ -45,8 +45,8 @@ def grid_map_raster(message: Any, config: RasterConfig, group: str = "raster.") 
     named = [(config.layer, "layer"), (config.variance_layer, "variance_layer")]
     for name, parameter in (*named, *((name, "material_layers") for name in config.layers.values())):
         if name not in layers and (name or parameter == "layer"):
-            known = ", ".join(layers)
-            raise InputError("layer", f"there is no layer {name!r}; {group}{parameter} may be one of {known}")
+            known = f"{group}{parameter} may be one of {', '.join(layers)}" if layers else "the map has no layers"
+            raise InputError("layer", f"there is no layer {name!r}; {known}")
     require_length("the list of layers' data", len(message.data), len(message.layers))
     along_x = _cells_of(info.length_x, info.resolution)
     along_y = _cells_of(info.length_y, info.resolution)

@@ -99,6 +99,12 @@ def files_of(arguments: Sequence[str]) -> list[Path]:
     return [Path(value) for option, value in pairwise(arguments) if option == "--params-file"]
 
 
+def source_of(file: Path) -> str:
+    """Return what a user knows a parameter file as: launch_ros writes the values in launch files into files of its own,
+    with random names."""
+    return "values in a launch file" if file.name.startswith("launch_params_") else str(file)
+
+
 def mismatch(file: Path, node: str) -> str | None:
     """Return a warning if a parameter file names only nodes other than ``node`` (fully qualified), else None.
 

@@ -18,6 +18,7 @@ from smartmesh_ros.node.parameters.entries import DeckEntry, OutputEntry, ShapeE
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy
 from smartmesh_ros.soil.config import soils_from
 from smartmesh_ros.terrain.motion import MotionConfig
+from smartmesh_ros.world.robots.description import expanded
 from smartmesh_ros.world.world import WorldConfig
 
 # Entry of ``bodies.peers`` that stands for all nodes that are discovered.
@@ -148,6 +149,8 @@ class Settings:
         if not all(folder.strip() for folder in self.urdf_folders):
             words = "an entry is empty, which would be the folder that the node was started in; give that folder's path"
             raise InputError("parameter", f"{words}, or leave the entry out")
+        for folder in self.urdf_folders:
+            expanded(folder)
         if not self.soil:
             return
         soils_from(self.soil)

@@ -17,11 +17,11 @@ from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.outputs.body_outputs import pose_message, twist_message
 from smartmesh_ros.node.parameters.settings import LONGEST_NAME
 from smartmesh_ros.node.services.entities import own_bounds, select
-from smartmesh_ros.node.services.files import allowed_folders, files_in, robot_name, with_package_paths
+from smartmesh_ros.node.services.files import allowed_folders, files_in, robot_name
 from smartmesh_ros.node.services.standard import Standard, tagged
 from smartmesh_ros.node.session import REFUSED, require_name
 from smartmesh_ros.world.bodies import Body
-from smartmesh_ros.world.robots.description import urdf_text
+from smartmesh_ros.world.robots.description import expanded, urdf_text
 
 _POSE_REASONS = dict.fromkeys(("frame", "non_finite", "quaternion", "position"), "INVALID_POSE")
 _SPAWN_REASONS = {
@@ -198,6 +198,6 @@ def _urdf_of(resource: Any) -> str:
         raise InputError("no_resource", "both uri and resource_string are empty; give a URDF file or its text")
     if not resource.uri:
         robot_name(urdf)  # must be URDF
-    elif not with_package_paths(urdf).endswith(".urdf"):
+    elif not str(expanded(urdf)).endswith(".urdf"):
         raise InputError("urdf_format", f"{urdf!r} does not end in .urdf, the only supported format")
     return urdf

@@ -17,7 +17,7 @@ from smartmesh_ros.ground.quaternions import Z, about
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.services.body_entries import Entry, entries_from, start_from
-from smartmesh_ros.node.services.files import robot_name, with_package_paths
+from smartmesh_ros.node.services.files import robot_name
 from smartmesh_ros.node.services.turns import NextTurn
 from smartmesh_ros.node.session import REFUSED, Session
 from smartmesh_ros.node.transport import LATCHED
@@ -56,7 +56,7 @@ class InitialBodies:
         """Add an entry, or replace the entry of the same name, and spawn its body unless it must wait for terrain.
         Raises `InputError`, and changes nothing, if the body is refused."""
         if entry.urdf and entry.robot is None:
-            entry = replace(entry, robot=prepare_robot(with_package_paths(entry.urdf)))
+            entry = replace(entry, robot=prepare_robot(entry.urdf))
         spawned = self._spawn(entry)
         if spawned and entry.xyz is not None and not self._session.world.terrain.empty:
             self._session.start_of(entry.name, BodyState(entry.xyz))
@@ -152,7 +152,7 @@ class RobotDescription:
         self._entry = start_from(session.settings.robot_start)
         if given := session.settings.robot_description:
             with naming("robot.description"):
-                self._take(prepare_robot(with_package_paths(given)))
+                self._take(prepare_robot(given))
         session.listen(String, "robot_description", self._on_description, LATCHED)
 
     def take_restored(self, *, described: bool) -> None:

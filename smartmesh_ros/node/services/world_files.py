@@ -25,7 +25,8 @@ from smartmesh_ros.node.parameters.helping import PARAMETERS, parameters_by_node
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.parameters.specifications import NAMES, with_values
 from smartmesh_ros.node.services.body_entries import Entry, entries_from
-from smartmesh_ros.node.services.files import allowed_folders, files_in, with_package_paths
+from smartmesh_ros.node.services.files import allowed_folders, files_in
+from smartmesh_ros.world.robots.description import expanded
 
 WORLDS = (*files.KINDS, ".yaml", ".yml")
 # The parameters that make a world.
@@ -60,14 +61,14 @@ class WorldFile:
 
 def folders_of_worlds(settings: Settings) -> tuple[Path, ...]:
     """Return the folders that the parameters name: those of ``bodies.urdf_folders``, and that of ``terrain.file``."""
-    named = map(files.expanded, settings.urdf_folders)
-    return *named, *([files.expanded(settings.file).resolve().parent] if settings.file else [])
+    named = map(expanded, settings.urdf_folders)
+    return *named, *([expanded(settings.file).resolve().parent] if settings.file else [])
 
 
 def world_of(resource: Any, settings: Settings) -> WorldFile:
     """Return the world of a resource, by its ``uri`` or else its ``resource_string``. Raises `InputError`."""
     if resource.uri:
-        path = Path(with_package_paths(resource.uri))
+        path = expanded(resource.uri)
         if path.suffix.lower() not in WORLDS:
             raise InputError("world_format", f"{path} is no world; the files of worlds end in {', '.join(WORLDS)}")
         return world_of_file(_allowed(path, settings), settings)

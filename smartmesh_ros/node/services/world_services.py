@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.io.files import expanded
 from smartmesh_ros.node.parameters.settings import MOST_BODIES
 from smartmesh_ros.node.services import world_files
 from smartmesh_ros.node.services.body_entries import Entry
-from smartmesh_ros.node.services.files import robot_of, with_package_paths
+from smartmesh_ros.node.services.files import robot_of
 from smartmesh_ros.node.services.standard import Standard
 from smartmesh_ros.node.services.turns import NextTurn
 from smartmesh_ros.node.services.world_files import WorldFile
+from smartmesh_ros.world.robots.description import expanded
 
 Found = TypeVar("Found")
 # Result code of LoadWorld by the reason of an `InputError`.
@@ -98,7 +98,7 @@ class WorldServices:
             return None
         there = False
         try:
-            path = world.folder / with_package_paths(name)
+            path = world.folder / expanded(name)
             there = os.path.exists(path)  # noqa: PTH110  # False for what is no path
             return await self._session.files.done(lambda: load(path))
         except InputError as error:

@@ -103,7 +103,7 @@ def _run(options: argparse.Namespace) -> int:
         if place.exists() and bag.path.resolve() in (place, place.parent):
             raise InputError("file", f"-o {file.path} is the bag itself, or one of its files; name another file")
     with Replay(bag, parameters, remap=rules, file=file, topics=options.topics, say=line.say) as replay:
-        if unknown := sorted({*map(replay.names.full, options.topics)} - replay.outputs):
+        if unknown := sorted({*replay.names.all_of(options.topics)} - replay.outputs):
             there = ", ".join(sorted(replay.outputs))
             raise InputError("topic", f"--topics: there is no output {', '.join(unknown)}; the outputs are {there}")
         begun = monotonic()

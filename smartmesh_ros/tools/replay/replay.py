@@ -14,7 +14,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rosgraph_msgs.msg import Clock
 from service_msgs.msg import ServiceEventInfo
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, as_float, require
 from smartmesh_ros.node.inputs.checked_messages import message_from
 from smartmesh_ros.node.parameters.specifications import NAMES
 from smartmesh_ros.node.terrain_collider import Collider
@@ -57,9 +57,9 @@ class Replay:
         parameters: Mapping[str, Any] | None = None,
         *,
         remap: Mapping[str, str] | Sequence[tuple[str, str]] = (),
-        keep: Collection[str] = (),
+        keep: str | Collection[str] = (),
         file: McapFile | None = None,
-        topics: Collection[str] = (),
+        topics: str | Collection[str] = (),
         say: Callable[[str], None] | None = None,
     ) -> None:
         """``source``: a recording, the path of a bag, or a list of (topic, time [s], message) and (service, time [s],
@@ -68,8 +68,8 @@ class Replay:
         gets the outputs, or only these ``topics``. ``say``: gets the lines of ``log``."""
         self.log: list[str] = []
         self.names = Names(remap)
-        self._kept: dict[str, list[Any]] = {self.names.full(topic): [] for topic in keep}
-        self._file, self._topics = file, set(map(self.names.full, topics))
+        self._kept: dict[str, list[Any]] = {name: [] for name in self.names.all_of(keep)}
+        self._file, self._topics = file, set(self.names.all_of(topics))
         if isinstance(source, str | Path):
             source = Bag(Path(source))
         elif not isinstance(source, Source):
@@ -148,6 +148,7 @@ class Replay:
 
     def steps(self, until: float = math.inf) -> Iterator[None]:
         """Do the same, and yield after each step and message. What is left of it can be done later."""
+        require(not math.isnan(as_float(until)), "parameter", "until", until, "a number of seconds")
         while self._next is not None and (at := max(self._next.time - self.clock.start, self.clock.elapsed)) <= until:
             yield from self._steps_to(at)
             record, self._next = self._next, next(self._records, None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections import defaultdict, deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -40,6 +40,10 @@ class Names:
     def full(self, topic: str) -> str:
         """Return the full name of a topic or service, which is below the node's name unless it begins with ``/``."""
         return self.resolve(topic if topic.startswith(("/", "~")) else f"~/{topic}")
+
+    def all_of(self, topics: str | Collection[str]) -> list[str]:
+        """Return the full names of topics, or of a single one."""
+        return [self.full(topic) for topic in ([topics] if isinstance(topics, str) else topics)]
 
     def resolve(self, topic: str) -> str:
         """Return the full name of a topic or service, after remapping."""

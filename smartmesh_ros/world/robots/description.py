@@ -11,6 +11,7 @@ import os
 import re
 from collections import Counter, deque
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -25,6 +26,8 @@ from smartmesh_ros.errors import InputError, listed
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "planar", "spherical")
 # Longest name of a link or joint [bytes]; PyBullet copies names into fields of 1024 bytes.
 LONGEST_NAME = 500
+# What texts of editors on Windows may begin with.
+BYTE_ORDER_MARK = "\ufeff"
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,13 @@ def is_text(urdf: str) -> bool:
     return urdf.lstrip().startswith("<")
 
 
+def located(urdf: str) -> str:
+    """Return the path of a description's file, as of `expanded`; a text without its byte order mark. Raises
+    `InputError`."""
+    urdf = urdf.removeprefix(BYTE_ORDER_MARK)
+    return urdf if is_text(urdf) else str(expanded(urdf))
+
+
 def urdf_text(urdf: str) -> str:
     """Return the text of a URDF file; a text is returned as it is. Raises `InputError` if the file cannot be read."""
     if is_text(urdf):
@@ -97,7 +107,7 @@ def xml_of(text: str) -> ElementTree.Element:
     do. Raises `InputError`."""
     if "<!" in text.replace("<!--", ""):
         raise InputError("urdf", "the URDF declares a document type or entities; a robot description needs none")
-    text = text.rstrip("\0").strip()  # some files end with a zero byte
+    text = text.rstrip("\0").removeprefix(BYTE_ORDER_MARK).strip()  # some files end with a zero byte
     if "\0" in text:
         raise InputError("urdf", "the URDF has a zero byte in it")
     try:
@@ -211,6 +221,25 @@ def package_folder(name: str) -> Path | None:
         if (prefix / "share/ament_index/resource_index/packages" / name).is_file():
             return prefix / "share" / name
     return None
+
+
+def expanded(name: str | os.PathLike[str]) -> Path:
+    """Return the path that is given as the ``name`` of a file or folder. ``~`` is a user's home, and stays if there is
+    no such user; ``package://<package>`` is the folder of an installed package; ``file://`` is left out. In a URI
+    ``%20`` and the like may stand for characters. Raises `InputError` if the package is not installed."""
+
+    def folder(match: re.Match[str]) -> str:
+        if (found := package_folder(match[1])) is not None:
+            return str(found)
+        raise InputError("urdf_package", f"package {match[1]!r} is not installed, or not sourced")
+
+    name = os.fspath(name)
+    path = re.sub("^file://(localhost(?=/))?", "", re.sub("^package://([^/]+)", folder, name))
+    if path != name and not os.path.exists(path):  # noqa: PTH110  # False for what is no path
+        path = unquote(path)
+    with suppress(RuntimeError, ValueError):
+        return Path(path).expanduser()
+    return Path(path)
 
 
 def named_file(name: str, folder: Path | None) -> Path:

@@ -19,7 +19,7 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.world.robots.description import Description, named_file, read_description
+from smartmesh_ros.world.robots.description import Description, located, named_file, read_description
 from smartmesh_ros.world.robots.dynamics import mend_inertias, normalise_axes, starts_of
 from smartmesh_ros.world.robots.ignored import ignored_in
 from smartmesh_ros.world.robots.meaning import Mimic, SurfaceDrive, mimics_of, surface_drives_of, with_massive_root
@@ -72,8 +72,8 @@ _lock = Lock()
 
 
 def prepare_robot(urdf: str | os.PathLike[str] | PreparedRobot) -> PreparedRobot:
-    """Prepare a robot from its URDF text (starts with ``<``) or the path of its file; one that was prepared before is
-    returned as it is. Raises `InputError` if the robot cannot be simulated.
+    """Prepare a robot from its URDF text (starts with ``<``) or the path of its file, as of `expanded`; one that was
+    prepared before is returned as it is. Raises `InputError` if the robot cannot be simulated.
 
     The first preparation of a robot takes a while (a child process starts, and reads the meshes); a robot of the same
     content is remembered. Threads may call this function.
@@ -82,7 +82,7 @@ def prepare_robot(urdf: str | os.PathLike[str] | PreparedRobot) -> PreparedRobot
         return urdf
     if not isinstance(urdf, str | os.PathLike):
         raise InputError("urdf", f"the robot is of type {type(urdf).__name__}; pass the text or the path of a URDF")
-    urdf = os.fspath(urdf)
+    urdf = located(os.fspath(urdf))
     robot = _rewritten(urdf, read_description(urdf))
     with _lock:
         if robot.text not in _remembered:

@@ -179,7 +179,7 @@ def test_latched_messages_wait_for_whoever_asks_late(replay: Make) -> None:
 def test_own_frames_come_back_as_over_dds(replay: Make) -> None:
     """A body must not follow a frame of the node itself."""
     parameters = {"bodies.spawn": [BALL], "publish.tf": 20.0, "bodies.frames": ["shadow=ball"]}
-    run = replay([level()], parameters, keep=["/tf"])
+    run = replay([level()], parameters, keep="/tf")
     run.run(2.5)
     assert "shadow" not in run.world.bodies and "bodies.frames: own_topic" in run.refused
     assert {one.child_frame_id for message in run.received("/tf") for one in message.transforms} == {"ball"}
@@ -271,7 +271,7 @@ def test_what_a_run_has_not_is_named_with_what_would_be_right(replay: Make) -> N
         with pytest.raises(InputError, match=re.escape(words)):
             action()
 
-    refuses("no output contact; did you mean 'contacts'", lambda: replay([level()], keep=["contact"]))
+    refuses("no output contact; did you mean 'contacts'", lambda: replay([level()], keep="contact"))
     refuses("'physics.rat' is unknown; did you mean", lambda: replay([level()], {"physics.rat": 480.0}))
     refuses("'physics.rat' is unknown; did you mean", lambda: replay([level()], {"physics": {"rat": 480.0}}))
     refuses("'physics.rat' is unknown; did you mean", lambda: run.set(physics__rat=480.0))
@@ -282,6 +282,7 @@ def test_what_a_run_has_not_is_named_with_what_would_be_right(replay: Make) -> N
     refuses("no service puse; did you mean 'pause'", lambda: run.call("puse", SetBool.Request()))
     refuses("pause takes std_srvs/srv/SetBool_Request, and was given a Clock", lambda: run.call("pause", Clock()))
     refuses("joint_states is not kept; name it in keep=['joint_states']", lambda: run.received("joint_states"))
+    refuses("until is nan; it must be a number of seconds", lambda: run.run(float("nan")))
     run.run(0.1)
     assert not run.refused and run.world.dt == pytest.approx(1.0 / 240.0)
 
