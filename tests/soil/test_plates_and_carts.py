@@ -194,11 +194,23 @@ def test_energy_never_grows_in_set_downs(number: int, rate: float) -> None:
     assert rose < (1e-4 if rate == 240.0 else 3e-3)
 
 
-def test_a_body_that_is_put_into_the_soil_is_not_thrown() -> None:
-    for soil in ("clay", "lunar"):
-        with with_box(soil, height=0.04) as world:
-            world.step(240)
-            assert world.state("box").position[2] == pytest.approx(0.04, abs=5e-3)
+@pytest.mark.parametrize("soil", ["clay", "lunar"])
+@pytest.mark.parametrize("depth", [2e-3, 0.06])
+def test_a_body_that_is_put_into_the_soil_has_a_print_there_that_carries_it(soil: str, depth: float) -> None:
+    """It never rises, and sinks only as far as the soil does not carry it. What is put into a print leaves it."""
+    with with_box(soil, grid=0.02, height=0.1 - depth) as world:
+        for _ in range(480):
+            world.step()
+            assert world.state("box").position[2] < 0.1 - depth
+        wanted = max(depth, plate_sinkage(soil_named(soil), 0.2, 5e3))
+        assert 0.1 - world.state("box").position[2] == pytest.approx(wanted, abs=1e-4)
+        world.ground.soil.show()
+        assert -world.terrain.tile("").heights.min() == pytest.approx(wanted, abs=1e-4)
+        before = world.ground.soil.sinkage()
+        world.remove("box")
+        world.spawn("other", Box(0.2, 0.2, 0.2), 1.0, BodyState((2.163, 2.007, 0.1 - 0.5 * depth)))
+        world.step(24)
+        assert (world.ground.soil.sinkage() >= before).all()
 
 
 def test_prints_stay_in_the_map_and_new_ground_is_new_soil() -> None:

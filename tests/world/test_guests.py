@@ -67,6 +67,38 @@ def test_worlds_that_step_at_different_instants_find_the_same_impact(impact: str
     assert abs(m * after[0] + n * after[1] - m * v - n * w) < 0.01 * min(m, n) * (v - w)
 
 
+@pytest.mark.parametrize("late", [0, 6])
+def test_states_from_before_an_impact_do_not_undo_it(late: int) -> None:
+    """A ball that is hit into another within a step meets it before that one's owner knows of the hit, and once."""
+    heavy, light, elasticity = 2.0, 1.0, SMOOTH.restitution**2
+    with peers([[ball(0.0, 0.0, heavy)], [ball(0.41, 0.0, light)]], late, SMOOTH) as made:
+        made.step(60)
+        world = made.worlds[0]
+        world.client.resetBaseVelocity(world.bodies["b0"].uid, (3.0, 0.0, 0.0))
+        made.step(120)
+        after = made.state("b0").linear[0]
+    assert after == pytest.approx(3.0 * (heavy - elasticity * light) / (heavy + light), abs=0.1)
+
+
+def test_a_guest_sleeps_with_its_owners_body_and_goes_where_that_is_put_or_pushed() -> None:
+    box = Box(0.4, 0.4, 0.4)
+    with peers([[Start(box, 1.0, 0.0, 0.0, 0.2)], [Start(box, 1.0, 1.0, 0.0, 0.2)]], 0) as made:
+        made.step(480)
+        owner, other = made.worlds
+        assert owner.is_asleep("b0")
+        for _ in range(60):
+            made.step()
+            assert other.is_asleep("b0")
+        uid = owner.bodies["b0"].uid
+        for act in (
+            lambda: owner.client.resetBasePositionAndOrientation(uid, (0.0, 0.1, 0.2), (0.0, 0.0, 0.0, 1.0)),
+            lambda: owner.client.resetBaseVelocity(uid, (0.0, 1.0, 0.0)),
+        ):
+            act()
+            made.step(GuestConfig().steps_apart + 1)
+            assert other.state("b0").position == pytest.approx(owner.state("b0").position, abs=1e-3)
+
+
 @pytest.mark.parametrize("late", [0, 1])
 @pytest.mark.parametrize("pusher", ["b0", "rover"])
 def test_a_box_is_pushed_by_what_another_world_has(pusher: str, late: int) -> None:

@@ -143,14 +143,24 @@ def test_in_a_pybullet_world_of_ones_own(ground: Ground, client: Any) -> None:
     assert speed_after(ground, client, 240) == pytest.approx(0.0, abs=1e-3), "it is attached anew"
 
 
+@pytest.mark.parametrize(("rise", "speed_"), [(1.5, 0.25), (2.0, 0.0)])
+def test_a_face_runs_at_the_speed_of_the_surface_unless_it_is_one_of_its_sides(
+    ground: Ground, client: Any, rise: float, speed_: float
+) -> None:
+    """A side is a face whose normal is within 30 degrees of the axis."""
+    ground.drive(0, -1, (0.0, 1.0, rise), 0.25)
+    assert speed_after(ground, client, 240) == pytest.approx(speed_, rel=0.01, abs=1e-4)
+
+
 @pytest.mark.parametrize("by_pybullet", [False, True])
 def test_commands_wake_what_sleeps_and_what_creeps_stays_awake(ground: Ground, client: Any, by_pybullet: bool) -> None:
+    """Also below the 2 mm/s at which others count as still."""
     if by_pybullet:
         client.changeDynamics(0, -1, activationState=pb.ACTIVATION_STATE_ENABLE_SLEEPING)
     else:
         ground.let_sleep(SleepConfig())
     speed_after(ground, client, 1200)
-    for speed_ in (0.0, 0.3, 0.02, 0.0):
+    for speed_ in (0.0, 0.3, 1.95e-3, 0.0):
         before = ground.is_asleep(0)
         ground.drive(0, -1, (0.0, 1.0, 0.0), speed_)
         assert speed_ or ground.is_asleep(0) == before, "nothing changed"

@@ -1,6 +1,7 @@
 """Tracked bodies have their shapes: what they push, carry and let through is what their geometry says."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from smartmesh_ros.ground.shapes import Hull, Solid
 from smartmesh_ros.world.contacts import GroundContact
 from smartmesh_ros.world.tracked_robot import TrackedRobot
 from tests import urdfs
-from tests.bodies import about_y
+from tests.bodies import TETRAHEDRON, about_y, about_z, rotation
 from tests.grounds import level, world_of
 
 RAMP = Hull(
@@ -132,3 +133,18 @@ def test_the_parts_of_a_robot_are_where_its_joints_say_with_their_velocities() -
     assert at_rest[2].state.position == pytest.approx((1.25 * math.cos(0.7), 1.25 * math.sin(0.7), 0.4), abs=1e-4)
     with pytest.raises(InputError, match="no joint 'roll'; it has yaw, reach"):
         robot.move({"roll": (0.0, 0.0)})
+
+
+def test_a_mesh_of_a_robot_is_its_convex_hull_where_the_mesh_is(tmp_path: Path) -> None:
+    """PyBullet moves vertices of hulls by a tenth of a millimetre."""
+    corners = [*("v {} {} {}".format(*corner) for corner in TETRAHEDRON), "f 1 2 3", "f 1 2 4", "f 1 3 4", "f 2 3 4"]
+    (tmp_path / "mesh.obj").write_text("\n".join(corners))
+    shape = urdfs.mesh(tmp_path / "mesh.obj", 'scale="0.5 0.5 0.5"')
+    rig = TrackedRobot("rig", urdfs.robot(urdfs.link("base", shape, at="0.1 0.2 0.3", rpy="0 0 0.7")))
+    root = BodyState((1.0, 2.0, 3.0), about_y(0.4))
+    [part] = rig.parts(root)
+    assert isinstance(part.solid, Hull)
+    found = np.array(part.solid.vertices) @ rotation(part.state.orientation).T + part.state.position
+    placed = 0.5 * TETRAHEDRON @ rotation(about_z(0.7)).T + (0.1, 0.2, 0.3)
+    expected = placed @ rotation(root.orientation).T + root.position
+    np.testing.assert_allclose(found[found[:, 2].argsort()], expected[expected[:, 2].argsort()], atol=2e-4)
