@@ -8,7 +8,7 @@ import pytest
 
 from smartmesh_ros import BodyState, Box, GridGeometry, HeightMap, Terrain, World
 from smartmesh_ros.ground.shapes import Shape
-from tests.bodies import about_z, rotation, yaw_of
+from tests.bodies import about_z, rotation
 from tests.grounds import add
 from tests.urdfs import link, robot
 
@@ -66,22 +66,6 @@ def test_a_belt_whose_heights_are_replaced_has_stopped() -> None:
     heightmap.replace(FLAT, time=13 / 60)
     assert heightmap.track.motion[:2] == (0.0, 0.0)
     assert heightmap.placed_at(14 / 60).origin[0] == heightmap.geometry.origin[0]
-
-
-def test_ground_that_drives_a_curve_has_the_box_on_it_with_the_velocity_of_its_place() -> None:
-    """For 3 s, about a point 2 m beside its middle."""
-    spin, start = 0.4, 0.5
-
-    def place(time: float) -> tuple[float, float, float]:
-        return 2.0 * math.sin(spin * time), 2.0 * (1.0 - math.cos(spin * time)), spin * time
-
-    x, y, yaw = place(3.0)
-    found = ride(place, 3.0, (start, 0.0))(3.0)
-    there = (x + start * math.cos(yaw), y + start * math.sin(yaw), 0.1)
-    assert found.position == pytest.approx(there, abs=0.1)
-    assert yaw_of(found.orientation) == pytest.approx(yaw, abs=0.06)
-    arm = found.position[0], found.position[1] - 2.0
-    assert found.linear == pytest.approx((-spin * arm[1], spin * arm[0], 0.0), abs=0.02)
 
 
 @pytest.mark.parametrize(

@@ -260,6 +260,9 @@ def test_a_frame_moves_between_its_poses_to_second_order_and_stops_without_more(
     frames = [deck.frame(time + 1e-3 * number) for number in range(300)]
     ways, speeds = np.diff([frame.position for frame in frames], axis=0), np.array([frame.velocity for frame in frames])
     assert ways == pytest.approx(1e-3 * 0.5 * (speeds[1:] + speeds[:-1]), abs=1e-6)
+    turned, spins = np.array([frame.rotation for frame in frames]), np.array([frame.spin for frame in frames])
+    turns = (turned[1:] @ turned[:-1].transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]]
+    assert turns == pytest.approx(1e-3 * 0.5 * (spins[1:] + spins[:-1]), abs=1e-6)
     assert np.abs(np.diff(speeds, axis=0)).max() < 0.02
 
 

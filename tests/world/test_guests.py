@@ -160,7 +160,7 @@ def test_bodies_come_and_go_with_the_distance_and_with_their_owner() -> None:
             distance = math.dist(one.position, other.position) - 2.0 * BALL.radius
             goes = 0.2 * math.dist(one.linear, other.linear)
             near.append("b0" in world.bodies)
-            if distance < 2.5 + 0.9 * goes:
+            if distance < 2.5 + 0.9 * goes or (True in near and distance < 1.5 * 2.6 + 0.4):
                 assert near[-1]
             if distance > 1.5 * 2.6 + goes + 0.1:
                 assert not near[-1]
