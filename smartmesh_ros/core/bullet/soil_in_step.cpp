@@ -20,7 +20,7 @@ constexpr double FALLEN = 0.45;
 // Speed of a body that was set down at which it rests, as a share of that of a fall from the depth of its sinkage.
 constexpr double AT_REST = 0.005;
 
-// Returns the velocity of a part into the soil and out of it.
+// Returns the velocity of a part: of its tilts and its heave.
 Vec3 velocity_of(const MovingSolid& solid) { return {solid.angular.x, solid.angular.y, solid.linear.z}; }
 
 }  // namespace

@@ -30,7 +30,7 @@ struct SoilPart : SoilPartMemory {
   Pose pose;    // of the pressing shape in the body's frame
   ShearedRim rim;
   std::int32_t step = 0;  // in which it last was near the soil
-  // In a step, until that ends: its contacts, loads of their unit impulses, and its velocity before them.
+  // Within a step: its contacts, the loads of unit impulses at them, and its velocity before them.
   const btPersistentManifold* contacts = nullptr;
   std::vector<Vec3> levers;
   Vec3 velocity;

@@ -134,9 +134,10 @@ void SoilUnderBody::load(const Vec3& way) {
   }
 }
 
-// Returns the way of a part in a step, at which the samples then have their loads: where their forces balance the
-// `inertia` over the square of the step's duration times what is left of the `free` way. It has the least energy, so
-// that Newton's method finds it if steps beyond the least energy along them are halved. `reach` [m]: of the part.
+// Returns the way of a part in a step, and leaves the samples with their loads there. The forces of the samples are the
+// `inertia`, over the square of the step's duration, times what the way lacks of the `free` one. That is the minimum of
+// a convex energy. Newton's method finds it; its steps that go beyond the minimum along them are halved. `reach` [m]:
+// of the part.
 Vec3 SoilUnderBody::settle(const Mat3& inertia, const Vec3& free, const Vec3& start, double reach) {
   Vec3 from = start, way = start, further;
   double gain = 0.0;

@@ -4,8 +4,8 @@
 // from its inertia and the load that it carried in the last step. Soil is stiff on the way up and soft on the way down:
 // a spring with the stiffness of the wrong way would throw the body.
 //
-// What moves a part into the soil and out of it has three numbers, in a Vec3: of velocities about x and y [rad/s] and
-// upwards [m/s], of ways [rad, rad, m], and of loads [N m, N m, N].
+// The tilts and the heave of a part are one Vec3: about x, about y, upwards. So are velocities [rad/s, rad/s, m/s],
+// ways [rad, rad, m] and loads [N m, N m, N].
 #pragma once
 
 #include <vector>
@@ -30,10 +30,10 @@ struct Carried {
   bool is_set_down = false;
 };
 
-// Returns the inertia of a part of some mass [kg], as if that filled its box evenly.
+// Returns the inertia against tilts and heave of a part of some mass [kg] that fills the part's box evenly.
 Mat3 inertia_of(const Solid& solid, double mass);
-// Returns the load of a unit force along a normal at a point, from the middle of the part [m]; also, by how much each
-// of the three moves the point along the normal.
+// Returns the load of a unit force along a normal at a point, whose `offset` is from the middle of the part [m]. The
+// same numbers say how far each tilt and the heave move the point along the normal.
 inline Vec3 lever_at(const Vec3& offset, const Vec3& normal) {
   const Vec3 torque = cross(offset, normal);
   return {torque.x, torque.y, normal.z};
