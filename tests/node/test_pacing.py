@@ -1,7 +1,7 @@
 """The loop's deadlines under load, on a clock of the test's own."""
 
 import itertools
-from collections.abc import Iterable
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -21,25 +21,29 @@ costs = st.lists(st.floats(0.0, 5.0 * PERIOD), min_size=1, max_size=200)
 
 
 class Run(NamedTuple):
-    """Starts of the steps [s], simulated time after each [s], and the pacer."""
+    """Starts of the steps [s], simulated time after each [s], that at which each map is placed [s], and the pacer."""
 
     starts: list[float]
     simulated: list[float]
+    placed: list[float]
     pacer: Pacer
 
 
-def run(policy: DeadlinePolicy, costs: list[float]) -> Run:
-    """A loop whose steps take these times [s]."""
-    now = [0.0]
+def run(policy: DeadlinePolicy, costs: list[float], every: float = math.inf) -> Run:
+    """A loop whose steps take these times [s]. Maps come ``every`` so often [s], the first at the first step."""
+    now, due = [0.0], 0.0
     pacer = Pacer(PERIOD, policy, lambda: now[0])
-    starts, simulated, time = [], [], 0.0
+    starts, simulated, placed, time = [], [], [], 0.0
     for cost in costs:
         now[0] += max(pacer.remaining(), 0.0)
         starts.append(now[0])
+        while due <= now[0]:
+            placed.append(pacer.simulated_at(now[0] - due, time))
+            due += every
         time += (1 + pacer.advance()) * PERIOD
         simulated.append(time)
         now[0] += cost
-    return Run(starts, simulated, pacer)
+    return Run(starts, simulated, placed, pacer)
 
 
 @pytest.mark.parametrize("policy", POLICIES)
@@ -132,19 +136,9 @@ def test_where_simulated_time_keeps_up_maps_hold_for_their_own_time(follows: boo
             time += (1 + pacer.advance()) * PERIOD
 
 
-def gaps(policy: DeadlinePolicy, costs: Iterable[float], every: float) -> NDArray[np.float64]:
-    """How far apart maps are placed in simulated time [s] that come ``every`` so often [s] while steps take these times
-    [s], once the loop has been late for a while."""
-    now = [0.0]
-    pacer = Pacer(PERIOD, policy, lambda: now[0])
-    time, maps, placed = 0.0, 0, []
-    for cost in costs:
-        now[0] += max(pacer.remaining(), 0.0)
-        while maps * every <= now[0]:
-            placed.append(pacer.simulated_at(now[0] - maps * every, time))
-            maps += 1
-        time += (1 + pacer.advance()) * PERIOD
-        now[0] += cost
+def gaps(policy: DeadlinePolicy, costs: list[float], every: float) -> NDArray[np.float64]:
+    """How far apart the maps of a `run` are placed [s], once the loop has been late for a while."""
+    placed = run(policy, costs, every).placed
     return np.diff(placed[len(placed) // 2 :])
 
 
