@@ -29,11 +29,21 @@ NearPoint GroundReader::near(const Vec3& p, double thickness, int body) {
   if (decks != nullptr) {
     for (DeckReader& deck : *decks) {
       if (deck.deck->body == body) continue;
-      const GroundSample here = top > p.z ? deck.near(p) : deck.below(p);
-      if (is_above(here.height, found.height)) found = {{here.height, here.velocity}, here.on_mesh, deck.deck};
+      if (const GroundSample here = deck.near(p); is_above(here.height, found.height))
+        found = {{here.height, here.velocity}, here.on_mesh, deck.deck};
     }
   }
-  return std::isnan(found.height) && top > p.z ? at({p.x, p.y, top}, top) : found;
+  return std::isnan(found.height) ? at({p.x, p.y, top}, top) : found;
+}
+
+GroundPoint GroundReader::highest(double x, double y) {
+  const Vec3 p{x, y, ABOVE_ALL};
+  GroundPoint found = at(p, p.z);
+  if (decks == nullptr) return found;
+  for (DeckReader& deck : *decks)
+    if (const GroundSample here = deck.below(p); is_above(here.height, found.height))
+      found = {here.height, here.velocity};
+  return found;
 }
 
 GroundSample GroundReader::below(const Vec3& p) {

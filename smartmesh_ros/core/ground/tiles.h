@@ -47,7 +47,7 @@ struct GroundReader {
   // that of decks as in DeckReader::near.
   NearPoint near(const Vec3& p, double thickness = INFINITE, int body = NOBODY);
   // Returns the highest ground at (x, y), also of decks.
-  GroundPoint highest(double x, double y) { return near({x, y, ABOVE_ALL}, 0.0); }
+  GroundPoint highest(double x, double y);
 
   // Returns the highest ground of maps, meshes and decks that is not above `p`, as sensors see it.
   GroundSample below(const Vec3& p);
