@@ -36,7 +36,6 @@ void Narrowphase::touch(Slot& slot, const btCollisionObjectWrapper& part, btPers
   body.linear = slot.linear, body.ground = {};
   search_.find_on_decks(*shape, pose, *now_.terrain, slot.decks, now_.time, body);
   const double within = with_soil != nullptr ? now_.soil->within_map(pose.at, now_.time) : -INFINITE;
-  slot.ground_angular = {};
   if (with_soil != nullptr) {
     contacts_.clear(), rows_.clear();
     read_contacts(*with_soil, before_);
