@@ -41,8 +41,7 @@ void Narrowphase::touch(Slot& slot, const btCollisionObjectWrapper& part, btPers
     read_contacts(*with_soil, before_);
     if (within > -shape->bounding_radius) {
       SoilPart& known = slot.on_soil[slot.part_number(*part.getCollisionShape())];
-      SoilPart asked;
-      if (!now_.stepping) asked = known;
+      SoilPart asked = now_.stepping ? SoilPart{} : known;
       now_.soil->touch(*shape, pose, on_soil(slot, step, step), now_.stepping ? known : asked, contacts_, rows_);
       known.contacts = now_.stepping ? with_soil : nullptr;
     }
