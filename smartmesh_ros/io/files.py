@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import GRID_TOLERANCE, FloatGrid, Raster, RasterConfig, from_cells, from_image, scaled
-from smartmesh_ros.world.robots.description import expanded
+from smartmesh_ros.world.paths import expanded
 
 GEOREFERENCED = (".tif", ".tiff", ".asc")
 KINDS = (".npy", ".png", *GEOREFERENCED)

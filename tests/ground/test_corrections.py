@@ -8,9 +8,12 @@ import pytest
 from smartmesh_ros import BodyState, Carrier, Deck, HeightMap, MotionConfig, World
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.terrain.grid import FloatArray
+from smartmesh_ros.terrain.terrain import MainMesh
+from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.bodies import rotation
+from tests.core import mesh_parts
 from tests.grounds import level, moving, shaped, terrain_of, world_of
-from tests.urdfs import HUSKY
+from tests.urdfs import HUSKY, box, link, robot
 
 CELLS = 61
 FLAT = np.zeros((CELLS, CELLS))
@@ -215,6 +218,70 @@ def test_what_lies_on_a_deck_goes_with_the_body_that_carries_the_deck(by: float,
         world.step(480)
         for name, way in ways_with(world, ground, by).items():
             assert way == pytest.approx((0.0, 0.0, by * (name in ("raft", "on the bed"))), abs=2e-3)
+        assert world.rescues == 0
+
+
+def bridge() -> TriangleMesh:
+    return TriangleMesh(*mesh_parts.box((-1.0, -1.0, 0.5), (1.0, 1.0, 0.6)))
+
+
+@pytest.mark.parametrize("by", [0.1, -0.1])
+@pytest.mark.parametrize("sleep", [False, True])
+@pytest.mark.parametrize("on", ["mesh", "mesh of a deck", "tracked body"])
+def test_what_lies_close_above_the_ground_on_what_stays_goes_with_no_correction(
+    by: float, sleep: bool, on: str
+) -> None:
+    """A stack is on the bridge, a box on the road below it, another one beside it."""
+    road = corrected()
+    tiles: dict[str, MainMesh | Deck] = {"road": road}
+    if on == "mesh":
+        tiles["bridge"] = bridge()
+    elif on == "mesh of a deck":
+        deck = tiles["deck"] = Deck(road)
+        deck.put("bridge", bridge())
+        del tiles["road"]
+    with world_of(terrain_of(**tiles), sleep=sleep) as world:
+        if on == "tracked body":
+            world.track("bridge", Box(2.0, 2.0, 0.1), BodyState((0.0, 0.0, 0.55)))
+        for name, x, z in (("above", 0.0, 0.75), ("top", 0.0, 1.05), ("below", 0.0, 0.15), ("beside", 2.0, 0.15)):
+            world.spawn(name, SHAPES["box"], 5.0, BodyState((x, 0.0, z)))
+        world.step(480)
+        for name, way in ways_with(world, road, by).items():
+            moves = name in ("below", "beside")
+            assert way == pytest.approx((0.0, 0.0, by * moves), abs=1e-3 if moves else 1e-4)
+        assert world.rescues == 0
+
+
+@pytest.mark.parametrize("on", ["mesh", "tracked body"])
+def test_what_sleeps_on_what_stays_goes_with_no_correction_that_noise_could_explain(on: str) -> None:
+    road = corrected(0.001)
+    with world_of(terrain_of(road=road, **({"bridge": bridge()} if on == "mesh" else {}))) as world:
+        if on == "tracked body":
+            world.track("bridge", Box(2.0, 2.0, 0.1), BodyState((0.0, 0.0, 0.55)))
+        world.spawn("above", SHAPES["box"], 5.0, BodyState((0.0, 0.0, 0.75)))
+        world.spawn("below", SHAPES["box"], 5.0, BodyState((0.0, 0.0, 0.15)))
+        world.step(480)
+        assert world.is_asleep("above") and world.is_asleep("below")
+        ways = ways_with(world, road, 0.002)
+        assert world.is_asleep("above") and world.is_asleep("below")
+        assert ways["below"][2] > 5e-4
+        assert ways["above"] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("by", [0.1, -0.1])
+def test_what_stands_on_the_ground_astride_something_that_stays_goes_with_the_correction(by: float) -> None:
+    road = corrected()
+    foot = f"<geometry>{box((0.1, 0.1, 0.3))}</geometry>"
+    places = [(x, y) for x in (-0.3, 0.3) for y in (-0.3, 0.3)]
+    legs = "".join(f'<collision><origin xyz="{x} {y} -0.2"/>{foot}</collision>' for x, y in places)
+    with World(road) as world:
+        world.track("stone", Box(0.2, 0.2, 0.2), BodyState((0.0, 0.0, 0.1)))
+        world.spawn_robot(
+            "table", robot(link("top", box((0.7, 0.7, 0.1)), 5.0, 0.5, legs)), BodyState((0.0, 0.0, 0.35))
+        )
+        world.step(240)
+        ways = ways_with(world, road, by)
+        assert ways["table"] == pytest.approx((0.0, 0.0, by), abs=1e-3)
         assert world.rescues == 0
 
 

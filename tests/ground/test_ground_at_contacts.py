@@ -149,11 +149,22 @@ def test_a_ball_leaves_a_flank_that_rises_by_its_restitution(made: Any, restitut
         assert leaving == pytest.approx(-restitution * closing + allowed, rel=0.03, abs=0.02)
 
 
-@pytest.mark.parametrize("made", [Sphere, as_robot], ids=["body", "robot"])
-def test_friction_against_spinning_is_that_with_the_ground(made: Any) -> None:
+def of_two_balls(*heights: float) -> str:
+    """A robot of one link with balls at these heights, in this order [m]."""
+    ball = '<geometry><sphere radius="0.2"/></geometry>'
+    balls = "".join(f'<collision><origin xyz="0 0 {z}"/>{ball}</collision>' for z in heights)
+    return robot(link("base", "", more=balls))
+
+
+@pytest.mark.parametrize(
+    "body",
+    [Sphere(0.2), as_robot(0.2), of_two_balls(0.0, 0.5), of_two_balls(0.5, 0.0)],
+    ids=["body", "robot", "low part first", "low part last"],
+)
+def test_friction_against_spinning_is_that_with_the_ground(body: Any) -> None:
     terrain, change = turning_map()
     with world_of(terrain, sleep=False) as world:
-        add(world, "ball", made(0.2), BodyState((0.0, 0.0, 0.2)))
+        add(world, "ball", body, BodyState((0.0, 0.0, 0.2)))
         world.client.changeDynamics(world.bodies["ball"].uid, -1, spinningFriction=0.05)
         for _ in range(120):
             change(world.time)

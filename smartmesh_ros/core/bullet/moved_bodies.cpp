@@ -63,18 +63,17 @@ void put(btCollisionObject& object, const btTransform& pose, btDiscreteDynamicsW
   renew_bounds(object, before, world);
 }
 
-// Returns true for the slots that have contacts with the ground.
-std::vector<bool> find_touching(const Instant& now, Attached& attached) {
-  std::vector<bool> found(attached.slots.size(), false);
+// Notes which bodies have contacts with the ground.
+void note_touching(const Instant& now, Attached& attached) {
+  for (Slot& slot : attached.slots) slot.touches = false;
   btDispatcher& dispatcher = *now.world.getDispatcher();
   for (int k = 0; k < dispatcher.getNumManifolds(); ++k) {
     const btPersistentManifold& manifold = *dispatcher.getManifoldByIndexInternal(k);
     if (manifold.getNumContacts() == 0) continue;
-    const Slot* slot = attached.slot_of(*manifold.getBody0());
+    Slot* slot = attached.slot_of(*manifold.getBody0());
     if (slot == nullptr) slot = attached.slot_of(*manifold.getBody1());
-    if (slot != nullptr) found[slot - attached.slots.data()] = true;
+    if (slot != nullptr) slot->touches = true;
   }
-  return found;
 }
 
 // Returns the ground above a point `inside` a part of a PyBullet `body` at the instant of `reader`; height NaN if the
@@ -107,11 +106,29 @@ GroundPoint ground_above_all_parts(const Instant& now, const Slot& it, GroundRea
   return highest;
 }
 
-// Returns true if PyBullet's groups and masks, or a filter of the pair, keep a body and its ground apart.
-bool is_kept_from_ground(const Instant& now, const Slot& slot) {
+// Returns true if PyBullet's groups and masks, or a filter of the pair, keep two objects apart.
+bool are_kept_apart(const Instant& now, btCollisionObject& one, btCollisionObject& other) {
   const btOverlapFilterCallback* filter = now.world.getPairCache()->getOverlapFilterCallback();
-  return filter != nullptr && slot.ground != nullptr &&
-         !filter->needBroadphaseCollision(slot.object->getBroadphaseHandle(), slot.ground->getBroadphaseHandle());
+  return filter != nullptr && !filter->needBroadphaseCollision(one.getBroadphaseHandle(), other.getBroadphaseHandle());
+}
+
+// Returns true if an object that may touch a body, but has no mass, is between a point of it and a height below [m].
+bool is_over_fixed(const Instant& now, btCollisionObject& body, const Vec3& from, double height) {
+  struct Fixed final : btCollisionWorld::ClosestRayResultCallback {
+    Fixed(const Instant& at, btCollisionObject& of, const btVector3& from, const btVector3& to)
+        : ClosestRayResultCallback(from, to), now(at), body(of) {}
+    bool needsCollision(btBroadphaseProxy* proxy) const override {
+      auto& object = *static_cast<btCollisionObject*>(proxy->m_clientObject);
+      return is_fixed(object) && object.getCollisionShape()->getShapeType() != GROUND_SHAPE_TYPE &&
+             !are_kept_apart(now, body, object);
+    }
+    const Instant& now;
+    btCollisionObject& body;
+  };
+  if (!(height < from.z)) return false;
+  Fixed found(now, body, to_bullet(from), btVector3(from.x, from.y, height));
+  now.world.rayTest(found.m_rayFromWorld, found.m_rayToWorld, found);
+  return found.hasHit();
 }
 
 // Lifts a body [m], and gives it the vertical velocity of the `ground` [m/s].
@@ -136,7 +153,7 @@ void move_with_corrections_of(Tiles& tiles, const Deck* deck, const Instant& now
   tiles.show_corrections(now.time, corrections);
   if (corrections.empty()) return;
   const btTransform frame = deck != nullptr ? to_bullet(deck->motion.at(now.time).pose) : btTransform::getIdentity();
-  const std::vector<bool> stands = find_touching(now, attached);
+  note_touching(now, attached);
   GroundReader reader = now.terrain->reader(now.time, INSTANT);
   for (const AttachedBody& body : attached.bodies) {
     btCollisionObject* object = nullptr;
@@ -145,13 +162,13 @@ void move_with_corrections_of(Tiles& tiles, const Deck* deck, const Instant& now
     for (int k : body.slots) {
       const Slot& slot = attached.slots[k];
       if (!slot.kind.is_solid || slot.rest.asleep || slot.object == nullptr) continue;
-      if (!is_borne_by(deck, slot, reader, attached)) continue;
+      if (!is_borne_by(deck, slot, reader, now, attached)) continue;
       const BodyPose here = body_pose(frame.inverseTimes(slot.object->getWorldTransform()));
       if (object == nullptr) object = slot.object, pose = body_pose(frame.inverseTimes(base_of(*object)));
       for (const auto& [map, shown] : corrections) {
         HeightGrid before = *map;
         before.shown = shown;
-        add_points_under(before, *map, now.time, *slot.body_shape, here, stands[k], pose.at, sums);
+        add_points_under(before, *map, now.time, *slot.body_shape, here, slot.touches, pose.at, sums);
       }
     }
     if (object == nullptr || is_fixed(*object) || !move_with(sums, pose)) continue;
@@ -162,14 +179,15 @@ void move_with_corrections_of(Tiles& tiles, const Deck* deck, const Instant& now
 
 }  // namespace
 
-bool is_borne_by(const Deck* ground, const Slot& slot, GroundReader& reader, Attached& attached) {
+bool is_borne_by(const Deck* ground, const Slot& slot, GroundReader& reader, const Instant& now, Attached& attached) {
   const std::size_t most = reader.decks == nullptr ? 0 : reader.decks->size();
   const Slot* it = &slot;
   for (std::size_t carriers = 0; carriers <= most && it != nullptr && !is_fixed(*it->object); ++carriers) {
     const Solid solid(it->body_shape->outline, body_pose(it->object->getWorldTransform()));
-    const Deck* deck = reader.near(solid.centre, INFINITE, it->body).deck;
-    if (deck == ground || deck == nullptr) return deck == ground;
-    it = attached.has_body(deck->body) ? attached.moving_slot(attached.bodies[deck->body]) : nullptr;
+    const NearPoint near = reader.near(solid.centre, INFINITE, it->body);
+    if (!it->touches && is_over_fixed(now, *it->object, solid.centre, near.height)) return false;
+    if (near.deck == ground || near.deck == nullptr) return near.deck == ground && !near.on_mesh;
+    it = attached.has_body(near.deck->body) ? attached.moving_slot(attached.bodies[near.deck->body]) : nullptr;
   }
   return false;
 }
@@ -197,7 +215,8 @@ std::vector<int> lift_bodies(const Instant& now, Attached& attached, const std::
   GroundReader reader = now.terrain->reader(now.time, INSTANT);
   for (int k : slots) {
     const Slot& slot = attached.slots[k];
-    if (slot.object == nullptr || is_kept_from_ground(now, slot)) continue;
+    if (slot.object == nullptr) continue;
+    if (slot.ground != nullptr && are_kept_apart(now, *slot.object, *slot.ground)) continue;
     const GroundPoint ground = ground_above_all_parts(now, slot, reader);
     if (std::isnan(ground.height)) continue;
     const BodyPose pose = body_pose(slot.object->getWorldTransform());

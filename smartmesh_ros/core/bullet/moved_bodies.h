@@ -8,9 +8,10 @@
 
 namespace smartmesh {
 
-// Returns true if a body moves with a deck, or with the ground beside decks if `ground` is null, at the instant of
-// `reader`: it is over or in that, or on a deck that is carried by a body which moves with it.
-bool is_borne_by(const Deck* ground, const Slot& slot, GroundReader& reader, Attached& attached);
+// Returns true if a body moves with the maps of a deck, or with those beside decks if `ground` is null, at the instant
+// of `reader`: it is over or in them, or on a deck that is carried by a body which moves with them. A body over a mesh,
+// or without contacts with the ground over an object without mass, does not move with the maps below these.
+bool is_borne_by(const Deck* ground, const Slot& slot, GroundReader& reader, const Instant& now, Attached& attached);
 
 // Moves what lies on ground that a correction moves. A body that lay on it lies on it again, at the same velocity. A
 // robot moves as a whole, by the ground under the links that touch it.

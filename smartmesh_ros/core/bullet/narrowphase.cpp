@@ -36,14 +36,12 @@ void Narrowphase::touch(Slot& slot, const btCollisionObjectWrapper& part, btPers
   body.linear = slot.linear, body.ground = {};
   search_.find_on_decks(*shape, pose, *now_.terrain, slot.decks, now_.time, body);
   const double within = with_soil != nullptr ? now_.soil->within_map(pose.at, now_.time) : -INFINITE;
-  slot.ground_angular = {};
   if (with_soil != nullptr) {
     contacts_.clear(), rows_.clear();
     read_contacts(*with_soil, before_);
     if (within > -shape->bounding_radius) {
       SoilPart& known = slot.on_soil[slot.part_number(*part.getCollisionShape())];
-      SoilPart asked;
-      if (!now_.stepping) asked = known;
+      SoilPart asked = now_.stepping ? SoilPart{} : known;
       now_.soil->touch(*shape, pose, on_soil(slot, step, step), now_.stepping ? known : asked, contacts_, rows_);
       known.contacts = now_.stepping ? with_soil : nullptr;
     }

@@ -64,6 +64,7 @@ struct Slot : SlotMemory {
   NearbyGround near;                    // in this step
   std::vector<NearbyDeck> decks;        // likewise
   bool is_on_carrier = false;           // near a deck that a body carries which physics moves
+  bool touches = false;                 // the ground, as of the last step in which that was corrected
   Belt belt;
   Rest rest;
   std::unordered_map<const btCollisionShape*, KnownPart> parts;

@@ -138,9 +138,9 @@ bool Sleep::is_another_ground(Slot& slot) {
   rest.calm = !now.settles;
   rest.samples = 0;
   rest.corrected = correction(rest.ground, ground_, rest.bounds.low.z, rest.samples);
-  if (rest.samples > 0 && !now_.terrain->decks().empty()) {
+  if (rest.samples > 0) {
     GroundReader reader = now_.terrain->reader(now_.time, INSTANT);
-    if (!is_borne_by(nullptr, slot, reader, attached_)) rest.samples = 0;
+    if (!is_borne_by(nullptr, slot, reader, now_, attached_)) rest.samples = 0;
   }
   if (rest.samples > 0) corrected_.push_back(slot.body);
   if (differs(rest.ground, ground_, rules_.tolerance)) return true;

@@ -36,6 +36,7 @@ void BulletWorld::before_step() {
   now.stepping = true;
   narrowphase.told.clear();
   update();
+  for (int k : attached.awake) attached.slots[k].ground_angular = {};  // contacts of all parts say it anew
 }
 
 void BulletWorld::update() {

@@ -14,26 +14,36 @@ bool is_above(double height, double other) { return !(height <= other) && !std::
 
 }  // namespace
 
-GroundPoint GroundReader::at(const Vec3& p, double top) {
+NearPoint GroundReader::at(const Vec3& p, double top) {
   const GridFacet tile = tiles.at(p.x, p.y, top).facet;
-  GroundPoint found{tile.height, {0.0, 0.0, tile.velocity}};
+  NearPoint found{{tile.height, {0.0, 0.0, tile.velocity}}};
   for (MeshReader& mesh : meshes)
     if (const GroundSample here = mesh.below(p.x, p.y, p.z); is_above(here.height, found.height))
-      found = {here.height, here.velocity};
+      found = {{here.height, here.velocity}, true};
   return found;
 }
 
 NearPoint GroundReader::near(const Vec3& p, double thickness, int body) {
   const double top = p.z + thickness;
-  NearPoint found{at(p, top)};
+  NearPoint found = at(p, top);
   if (decks != nullptr) {
     for (DeckReader& deck : *decks) {
       if (deck.deck->body == body) continue;
-      const GroundSample here = top > p.z ? deck.near(p) : deck.below(p);
-      if (is_above(here.height, found.height)) found = {{here.height, here.velocity}, deck.deck};
+      if (const GroundSample here = deck.near(p); is_above(here.height, found.height))
+        found = {{here.height, here.velocity}, here.on_mesh, deck.deck};
     }
   }
-  return std::isnan(found.height) && top > p.z ? NearPoint{at({p.x, p.y, top}, top)} : found;
+  return std::isnan(found.height) ? at({p.x, p.y, top}, top) : found;
+}
+
+GroundPoint GroundReader::highest(double x, double y) {
+  const Vec3 p{x, y, ABOVE_ALL};
+  GroundPoint found = at(p, p.z);
+  if (decks == nullptr) return found;
+  for (DeckReader& deck : *decks)
+    if (const GroundSample here = deck.below(p); is_above(here.height, found.height))
+      found = {here.height, here.velocity};
+  return found;
 }
 
 GroundSample GroundReader::below(const Vec3& p) {

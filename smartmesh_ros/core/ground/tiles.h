@@ -25,8 +25,10 @@ struct NearbyGround {
 
 constexpr int NOBODY = -2;
 
-// The ground near a point, and the deck that has it; null = a map or a mesh beside decks, or there is none.
+// The ground near a point, whether it is of a mesh, and the deck that has it; null = it is beside decks, or there is
+// none.
 struct NearPoint : GroundPoint {
+  bool on_mesh = false;
   const Deck* deck = nullptr;
 };
 
@@ -38,14 +40,14 @@ struct GroundReader {
 
   // Returns the highest ground of maps and meshes at (p.x, p.y), of maps not above `top` [m] and of meshes not
   // above `p`.
-  GroundPoint at(const Vec3& p, double top);
+  NearPoint at(const Vec3& p, double top);
 
   // Returns the highest ground over or under `p`, beside the decks that a PyBullet `body` carries. Maps are solid as
   // far down as they are thick [m]. Ground of meshes above `p` counts up to there, and only where there is none below;
   // that of decks as in DeckReader::near.
   NearPoint near(const Vec3& p, double thickness = INFINITE, int body = NOBODY);
   // Returns the highest ground at (x, y), also of decks.
-  GroundPoint highest(double x, double y) { return near({x, y, ABOVE_ALL}, 0.0); }
+  GroundPoint highest(double x, double y);
 
   // Returns the highest ground of maps, meshes and decks that is not above `p`, as sensors see it.
   GroundSample below(const Vec3& p);

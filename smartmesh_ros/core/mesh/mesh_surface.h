@@ -14,12 +14,13 @@
 namespace smartmesh {
 
 // The ground at a point: height [m], NaN = none, unit normal towards the side of the bodies, velocity [m/s] with
-// horizontal motion, age [s], the time since the last map of the place, negative before it, and coefficient of
-// friction.
+// horizontal motion, age [s], the time since the last map of the place, negative before it, coefficient of friction,
+// and whether it is of a mesh.
 struct GroundSample {
   double height = NONE;
   Vec3 normal, velocity;
   double age = NONE, friction = Material{}.friction;
+  bool on_mesh = false;
 };
 
 // Where a ray meets the ground: distance [m], infinity = nowhere, and the unit normal there.

@@ -160,7 +160,6 @@ Vec3 SoilUnderBody::settle(const Mat3& inertia, const Vec3& free, const Vec3& st
       from = way, further = solve(slope, lack), gain = dot(lack, further);
     }
     way = from + further;
-    if (norm(further) < 1e-12) break;
   }
   return way;
 }

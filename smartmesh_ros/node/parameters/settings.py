@@ -18,7 +18,7 @@ from smartmesh_ros.node.parameters.entries import DeckEntry, OutputEntry, ShapeE
 from smartmesh_ros.node.timing.pacing import DeadlinePolicy
 from smartmesh_ros.soil.config import soils_from
 from smartmesh_ros.terrain.motion import MotionConfig
-from smartmesh_ros.world.robots.description import expanded
+from smartmesh_ros.world.paths import expanded
 from smartmesh_ros.world.world import WorldConfig
 
 # Entry of ``bodies.peers`` that stands for all nodes that are discovered.

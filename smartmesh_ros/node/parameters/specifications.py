@@ -20,7 +20,7 @@ from smartmesh_ros.node.parameters.entries import deck_entries, output_entries, 
 from smartmesh_ros.node.parameters.helping import files_of, mismatch, source_of
 from smartmesh_ros.node.parameters.settings import Settings, TerrainChanges, body_sources, peer_names
 from smartmesh_ros.terrain.motion import MOST_SMOOTHING
-from smartmesh_ros.world.robots.description import expanded
+from smartmesh_ros.world.paths import expanded
 
 ConfigT = TypeVar("ConfigT")
 

@@ -21,7 +21,8 @@ from smartmesh_ros.node.services.files import allowed_folders, files_in, robot_n
 from smartmesh_ros.node.services.standard import Standard, tagged
 from smartmesh_ros.node.session import REFUSED, require_name
 from smartmesh_ros.world.bodies import Body
-from smartmesh_ros.world.robots.description import expanded, urdf_text
+from smartmesh_ros.world.paths import expanded
+from smartmesh_ros.world.robots.description import urdf_text
 
 _POSE_REASONS = dict.fromkeys(("frame", "non_finite", "quaternion", "position"), "INVALID_POSE")
 _SPAWN_REASONS = {

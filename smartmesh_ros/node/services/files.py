@@ -13,7 +13,8 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.urdf import checked_urdf, require_inside
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.services.turns import NextTurn
-from smartmesh_ros.world.robots.description import ament_prefixes, expanded, xml_of
+from smartmesh_ros.world.paths import ament_prefixes, expanded
+from smartmesh_ros.world.robots.description import xml_of
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.robots.workshop import WORKSHOP
 

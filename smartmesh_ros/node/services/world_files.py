@@ -26,7 +26,7 @@ from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.parameters.specifications import NAMES, with_values
 from smartmesh_ros.node.services.body_entries import Entry, entries_from
 from smartmesh_ros.node.services.files import allowed_folders, files_in
-from smartmesh_ros.world.robots.description import expanded
+from smartmesh_ros.world.paths import expanded
 
 WORLDS = (*files.KINDS, ".yaml", ".yml")
 # The parameters that make a world.

@@ -16,7 +16,7 @@ from smartmesh_ros.node.services.files import robot_of
 from smartmesh_ros.node.services.standard import Standard
 from smartmesh_ros.node.services.turns import NextTurn
 from smartmesh_ros.node.services.world_files import WorldFile
-from smartmesh_ros.world.robots.description import expanded
+from smartmesh_ros.world.paths import expanded
 
 Found = TypeVar("Found")
 # Result code of LoadWorld by the reason of an `InputError`.

@@ -7,20 +7,17 @@ here is complete: one root, and every other link is the child of exactly one joi
 
 from __future__ import annotations
 
-import os
 import re
 from collections import Counter, deque
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from urllib.parse import unquote
 from xml.etree import ElementTree
 
-import pybullet_data
-
 from smartmesh_ros.errors import InputError, listed
+from smartmesh_ros.world.paths import expanded, package_folder
 
 # PyBullet also knows spherical joints, which URDF does not have.
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "planar", "spherical")
@@ -203,43 +200,6 @@ def _root(links: dict[str, ElementTree.Element], joints: tuple[Joint, ...]) -> s
 
 # A file's URI may name this machine.
 _SCHEME = re.compile(r"(package|model|file)://(?:(?<=file://)localhost(?=/))?")
-
-
-def ament_prefixes() -> list[Path]:
-    """Return where ROS packages are installed, by the environment's AMENT_PREFIX_PATH."""
-    return [Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
-
-
-def package_folder(name: str) -> Path | None:
-    """Return the share folder of an installed ROS package, or the folder of ``pybullet_data`` by that name; None if
-    there is none."""
-    if name == "pybullet_data":
-        return Path(pybullet_data.getDataPath())
-    if not name or "/" in name or name.startswith("."):
-        return None
-    for prefix in ament_prefixes():
-        if (prefix / "share/ament_index/resource_index/packages" / name).is_file():
-            return prefix / "share" / name
-    return None
-
-
-def expanded(name: str | os.PathLike[str]) -> Path:
-    """Return the path that is given as the ``name`` of a file or folder. ``~`` is a user's home, and stays if there is
-    no such user; ``package://<package>`` is the folder of an installed package; ``file://`` is left out. In a URI
-    ``%20`` and the like may stand for characters. Raises `InputError` if the package is not installed."""
-
-    def folder(match: re.Match[str]) -> str:
-        if (found := package_folder(match[1])) is not None:
-            return str(found)
-        raise InputError("urdf_package", f"package {match[1]!r} is not installed, or not sourced")
-
-    name = os.fspath(name)
-    path = re.sub("^file://(localhost(?=/))?", "", re.sub("^package://([^/]+)", folder, name))
-    if path != name and not os.path.exists(path):  # noqa: PTH110  # False for what is no path
-        path = unquote(path)
-    with suppress(RuntimeError, ValueError):
-        return Path(path).expanduser()
-    return Path(path)
 
 
 def named_file(name: str, folder: Path | None) -> Path:
