@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, Box, Deck, HeightMap, Soil, Sphere, World
+from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from studies.soil.vehicles import BELOW, WHEELS, Cart
@@ -104,3 +105,24 @@ def test_a_ball_rests_on_a_rock_that_lies_on_the_soil() -> None:
         world.spawn("ball", Sphere(0.1), 1.0, BodyState((1.003, 1.007, 0.25)))
         world.step(240)
         assert world.state("ball").position == pytest.approx((1.003, 1.007, 0.2), abs=1e-3)
+
+
+@pytest.mark.parametrize("is_larger", [False, True])
+@pytest.mark.parametrize(
+    ("shape", "x", "height"),
+    [(Sphere(0.1), 1.0, 0.1), (Box(0.2, 0.2, 0.1), 1.0, 0.05), (Box(0.3, 0.2, 0.1), 0.85, 0.05)],
+)
+def test_a_tile_that_fills_a_hole_of_the_soil_bears_what_is_on_it(
+    shape: Shape, x: float, height: float, is_larger: bool
+) -> None:
+    heights = np.zeros((51, 51))
+    heights[20:31, 20:31] = np.nan  # from 0.8 to 1.2 m; the cells around have no soil either
+    ground = HeightMap(heights, resolution=0.04)
+    side, corner = (51, 0.0) if is_larger else (11, 0.8)
+    fill = HeightMap(np.zeros((side, side)), resolution=0.04, origin=(corner, corner))
+    with World(terrain_of(**{"": ground}, fill=fill)) as world:
+        world.ground.set_soil(Soil(world.terrain, "dry_sand"))
+        world.spawn("body", shape, 10.0, BodyState((x, 1.003, height + 0.05)))
+        world.step(240)
+        assert world.state("body").position == pytest.approx((x, 1.003, height), abs=2e-3)
+        assert world.rescues == 0

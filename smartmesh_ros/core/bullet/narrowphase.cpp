@@ -51,7 +51,8 @@ void Narrowphase::touch(Slot& slot, const btCollisionObjectWrapper& part, btPers
   }
   contacts_.clear(), rows_.clear();
   read_contacts(with_ground, before_);
-  if (within < shape->bounding_radius || search_.has_decks() || !now_.terrain->meshes().empty())
+  if (with_soil == nullptr || !now_.soil->is_all_around(pose.at, shape->bounding_radius, now_.time) ||
+      search_.has_decks() || !now_.terrain->meshes().empty())
     touch_ground(slot, *shape, pose, approach, pull);
   tell(slot, approach, pull, with_ground);
   slot.pull = pull;
@@ -81,7 +82,7 @@ void Narrowphase::touch_ground(const Slot& slot, const Convex& shape, const Pose
   if (now_.soil != nullptr) {
     const auto is_soil = [&](const Contact& contact) {  // its edges belong to it for what is over it
       const Vec3 inwards = contact.point + (pose.at - contact.point) * TOWARDS_MIDDLE;
-      return contact.deck < 0 && !contact.on_mesh && now_.soil->within_map(inwards, now_.time) >= 0.0;
+      return contact.deck < 0 && !contact.on_mesh && now_.soil->has(inwards, now_.time);
     };
     contacts_.erase(std::remove_if(contacts_.begin(), contacts_.end(), is_soil), contacts_.end());
   }

@@ -71,6 +71,17 @@ double SoilInStep::within_map(const Vec3& point, double time) const {
   return std::min({at.row, at.column, map.rows - 1 - at.row, map.columns - 1 - at.column}) * map.resolution;
 }
 
+// The cells of a map are soil where all of their corners have heights: so have the fine samples in them.
+bool SoilInStep::is_all_around(const Vec3& point, double radius, double time) const {
+  if (!(within_map(point, time) >= radius)) return false;
+  const HeightGrid& map = lattice.map();
+  const CellRange cells = cells_under(map, map.pose_at(time), Bounds{point, point}.grown(radius));
+  for (int r = cells.top; r <= cells.bottom; ++r)
+    for (int c = cells.left; c <= cells.right; ++c)
+      if (std::isnan(map.heights[map.index(r, c)])) return false;
+  return true;
+}
+
 double SoilInStep::below_map(const Vec3& point, double time) const {
   const GridPoint at = to_grid(lattice.map().pose_at(time), lattice.spacing(), point.x, point.y);
   const double row = std::round(at.row), column = std::round(at.column);
