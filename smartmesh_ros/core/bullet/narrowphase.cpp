@@ -11,8 +11,8 @@ namespace smartmesh {
 
 namespace {
 
-// Share of the way to a shape's middle by which a contact on the edge of the soil's map is on the side of the middle.
-constexpr double TOWARDS_MIDDLE = 1e-6;
+// Distance from the edge of the soil within which a contact is with other ground [m].
+constexpr double AT_EDGE = 1e-6;
 
 // Returns the pose of a shape that is turned in Bullet's frame of it.
 Pose pose_of(const Convex& shape, const btTransform& at) {
@@ -78,11 +78,14 @@ void Narrowphase::tell(Slot& slot, const Approach& approach, const Vec3& pull, b
 void Narrowphase::touch_ground(const Slot& slot, const Convex& shape, const Pose& pose, const Approach& approach,
                                const Vec3& pull) {
   const double step = approach.duration;
-  search_.find(shape, pose, *now_.terrain, now_.time, approach.with_margin(slot.near.spread * step), contacts_);
+  SoilBelow soil;
+  if (now_.soil != nullptr)
+    soil = {&now_.soil->lattice.map(), now_.soil->has(pose.at, now_.time),
+            now_.soil->is_all_around(pose.at, shape.bounding_radius, now_.time)};
+  search_.find(shape, pose, *now_.terrain, now_.time, approach.with_margin(slot.near.spread * step), contacts_, soil);
   if (now_.soil != nullptr) {
-    const auto is_soil = [&](const Contact& contact) {  // its edges belong to it for what is over it
-      const Vec3 inwards = contact.point + (pose.at - contact.point) * TOWARDS_MIDDLE;
-      return contact.deck < 0 && !contact.on_mesh && now_.soil->has(inwards, now_.time);
+    const auto is_soil = [&](const Contact& contact) {
+      return contact.deck < 0 && !contact.on_mesh && now_.soil->is_all_around(contact.point, AT_EDGE, now_.time);
     };
     contacts_.erase(std::remove_if(contacts_.begin(), contacts_.end(), is_soil), contacts_.end());
   }

@@ -6,6 +6,8 @@
 
 #include <BulletCollision/NarrowPhaseCollision/btPersistentManifold.h>
 
+#include "map/grid_facet.h"
+
 namespace smartmesh {
 
 namespace {
@@ -73,13 +75,7 @@ double SoilInStep::within_map(const Vec3& point, double time) const {
 
 // The cells of a map are soil where all of their corners have heights: so have the fine samples in them.
 bool SoilInStep::is_all_around(const Vec3& point, double radius, double time) const {
-  if (!(within_map(point, time) >= radius)) return false;
-  const HeightGrid& map = lattice.map();
-  const CellRange cells = cells_under(map, map.pose_at(time), Bounds{point, point}.grown(radius));
-  for (int r = cells.top; r <= cells.bottom; ++r)
-    for (int c = cells.left; c <= cells.right; ++c)
-      if (std::isnan(map.heights[map.index(r, c)])) return false;
-  return true;
+  return is_ground_around(lattice.map(), lattice.map().pose_at(time), point, radius);
 }
 
 double SoilInStep::below_map(const Vec3& point, double time) const {
