@@ -35,12 +35,16 @@ void Narrowphase::touch(Slot& slot, const btCollisionObjectWrapper& part, btPers
   Approach body = approach;
   body.linear = slot.linear, body.ground = {};
   search_.find_on_decks(*shape, pose, *now_.terrain, slot.decks, now_.time, body);
-  const double within = with_soil != nullptr ? now_.soil->within_map(pose.at, now_.time) : -INFINITE;
+  const double reach = shape->bounding_radius + approach.contact_distance(pose.at, shape->bounding_radius);
+  SoilBelow soil;
+  if (with_soil != nullptr)
+    soil = {&now_.soil->lattice.map(), now_.soil->has(pose.at, now_.time),
+            now_.soil->is_all_around(pose.at, reach, now_.time)};
   slot.ground_angular = {};
   if (with_soil != nullptr) {
     contacts_.clear(), rows_.clear();
     read_contacts(*with_soil, before_);
-    if (within > -shape->bounding_radius) {
+    if (now_.soil->within_map(pose.at, now_.time) > -shape->bounding_radius) {
       SoilPart& known = slot.on_soil[slot.part_number(*part.getCollisionShape())];
       SoilPart asked;
       if (!now_.stepping) asked = known;
@@ -51,9 +55,8 @@ void Narrowphase::touch(Slot& slot, const btCollisionObjectWrapper& part, btPers
   }
   contacts_.clear(), rows_.clear();
   read_contacts(with_ground, before_);
-  if (with_soil == nullptr || !now_.soil->is_all_around(pose.at, shape->bounding_radius, now_.time) ||
-      search_.has_decks() || !now_.terrain->meshes().empty())
-    touch_ground(slot, *shape, pose, approach, pull);
+  if (!soil.is_all || search_.has_decks() || !now_.terrain->meshes().empty())
+    touch_ground(slot, *shape, pose, soil, approach, pull);
   tell(slot, approach, pull, with_ground);
   slot.pull = pull;
 }
@@ -75,15 +78,11 @@ void Narrowphase::tell(Slot& slot, const Approach& approach, const Vec3& pull, b
                  manifold, told);
 }
 
-void Narrowphase::touch_ground(const Slot& slot, const Convex& shape, const Pose& pose, const Approach& approach,
-                               const Vec3& pull) {
+void Narrowphase::touch_ground(const Slot& slot, const Convex& shape, const Pose& pose, const SoilBelow& soil,
+                               const Approach& approach, const Vec3& pull) {
   const double step = approach.duration;
-  SoilBelow soil;
-  if (now_.soil != nullptr)
-    soil = {&now_.soil->lattice.map(), now_.soil->has(pose.at, now_.time),
-            now_.soil->is_all_around(pose.at, shape.bounding_radius, now_.time)};
   search_.find(shape, pose, *now_.terrain, now_.time, approach.with_margin(slot.near.spread * step), contacts_, soil);
-  if (now_.soil != nullptr) {
+  if (soil.map != nullptr) {
     const auto is_soil = [&](const Contact& contact) {
       return contact.deck < 0 && !contact.on_mesh && now_.soil->is_all_around(contact.point, AT_EDGE, now_.time);
     };
