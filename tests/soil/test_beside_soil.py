@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, Box, Deck, HeightMap, Soil, Sphere, World
+from smartmesh_ros.ground.shapes import Cylinder, Shape
 from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from studies.soil.vehicles import BELOW, WHEELS, Cart
-from tests.bodies import rotation
+from tests.bodies import LYING, UPRIGHT, Turn, rotation
 from tests.core import mesh_parts
 from tests.grounds import terrain_of
 
@@ -104,3 +105,55 @@ def test_a_ball_rests_on_a_rock_that_lies_on_the_soil() -> None:
         world.spawn("ball", Sphere(0.1), 1.0, BodyState((1.003, 1.007, 0.25)))
         world.step(240)
         assert world.state("ball").position == pytest.approx((1.003, 1.007, 0.2), abs=1e-3)
+
+
+@pytest.mark.parametrize("is_larger", [False, True])
+@pytest.mark.parametrize(
+    ("shape", "x", "height"),
+    [(Sphere(0.1), 1.0, 0.1), (Box(0.2, 0.2, 0.1), 1.0, 0.05), (Box(0.3, 0.2, 0.1), 0.85, 0.05)],
+)
+def test_a_tile_that_fills_a_hole_of_the_soil_bears_what_is_on_it(
+    shape: Shape, x: float, height: float, is_larger: bool
+) -> None:
+    heights = np.zeros((51, 51))
+    heights[20:31, 20:31] = np.nan  # from 0.8 to 1.2 m; the cells around have no soil either
+    ground = HeightMap(heights, resolution=0.04)
+    side, corner = (51, 0.0) if is_larger else (11, 0.8)
+    fill = HeightMap(np.zeros((side, side)), resolution=0.04, origin=(corner, corner))
+    with World(terrain_of(**{"": ground}, fill=fill)) as world:
+        world.ground.set_soil(Soil(world.terrain, "dry_sand"))
+        world.spawn("body", shape, 10.0, BodyState((x, 1.003, height + 0.05)))
+        world.step(240)
+        assert world.state("body").position == pytest.approx((x, 1.003, height), abs=2e-3)
+        assert world.rescues == 0
+
+
+@pytest.mark.parametrize("end", [1.6, 2.0])
+@pytest.mark.parametrize(
+    ("shape", "turn", "half"),
+    [
+        (Sphere(0.15), UPRIGHT, 0.15),
+        (Cylinder(radius=0.15, height=0.1), LYING, 0.15),
+        (Box(0.2, 0.2, 0.1), UPRIGHT, 0.05),
+    ],
+)
+def test_what_comes_out_of_its_rut_meets_a_step_before_it_is_inside(
+    shape: Shape, turn: Turn, half: float, end: float
+) -> None:
+    """The step stands where the soil ends, at its edge or at a hole, and is as high as the rut is deep."""
+    heights = np.zeros((51, 51))
+    if end < 2.0:
+        heights[:, 41:46] = np.nan  # from 1.6 to 1.84 m
+    rigid = HeightMap(np.zeros((51, 101)), resolution=0.04) if end < 2.0 else pad()
+    with World(terrain_of(**{"": HeightMap(heights, resolution=0.04)}, rigid=rigid)) as world:
+        world.ground.set_soil(Soil(world.terrain, "dry_sand"))
+        world.spawn("body", shape, 30.0, BodyState((end - 0.25, 1.003, half), orientation=turn))
+        world.step(60)
+        assert world.state("body").position[2] < half - 0.005
+        depths = []
+        for _ in range(240):
+            falls = world.state("body").linear[2]
+            world.client.resetBaseVelocity(world.body("body").uid, (0.3, 0.0, falls), (0.0, 0.0, 0.0))
+            world.step()
+            depths += [contact.depth for contact in world.contacts()]
+        assert max(depths) < 1e-3

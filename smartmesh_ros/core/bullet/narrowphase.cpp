@@ -11,8 +11,8 @@ namespace smartmesh {
 
 namespace {
 
-// Share of the way to a shape's middle by which a contact on the edge of the soil's map is on the side of the middle.
-constexpr double TOWARDS_MIDDLE = 1e-6;
+// Distance from the edge of the soil within which a contact is with other ground [m].
+constexpr double AT_EDGE = 1e-6;
 
 // Returns the pose of a shape that is turned in Bullet's frame of it.
 Pose pose_of(const Convex& shape, const btTransform& at) {
@@ -35,11 +35,15 @@ void Narrowphase::touch(Slot& slot, const btCollisionObjectWrapper& part, btPers
   Approach body = approach;
   body.linear = slot.linear, body.ground = {};
   search_.find_on_decks(*shape, pose, *now_.terrain, slot.decks, now_.time, body);
-  const double within = with_soil != nullptr ? now_.soil->within_map(pose.at, now_.time) : -INFINITE;
+  const double reach = shape->bounding_radius + approach.contact_distance(pose.at, shape->bounding_radius);
+  SoilBelow soil;
+  if (with_soil != nullptr)
+    soil = {&now_.soil->lattice.map(), now_.soil->has(pose.at, now_.time),
+            now_.soil->is_all_around(pose.at, reach, now_.time)};
   if (with_soil != nullptr) {
     contacts_.clear(), rows_.clear();
     read_contacts(*with_soil, before_);
-    if (within > -shape->bounding_radius) {
+    if (now_.soil->within_map(pose.at, now_.time) > -shape->bounding_radius) {
       SoilPart& known = slot.on_soil[slot.part_number(*part.getCollisionShape())];
       SoilPart asked = now_.stepping ? SoilPart{} : known;
       now_.soil->touch(*shape, pose, on_soil(slot, step, step), now_.stepping ? known : asked, contacts_, rows_);
@@ -49,8 +53,8 @@ void Narrowphase::touch(Slot& slot, const btCollisionObjectWrapper& part, btPers
   }
   contacts_.clear(), rows_.clear();
   read_contacts(with_ground, before_);
-  if (within < shape->bounding_radius || search_.has_decks() || !now_.terrain->meshes().empty())
-    touch_ground(slot, *shape, pose, approach, pull);
+  if (!soil.is_all || search_.has_decks() || !now_.terrain->meshes().empty())
+    touch_ground(slot, *shape, pose, soil, approach, pull);
   tell(slot, approach, pull, with_ground);
   slot.pull = pull;
 }
@@ -72,14 +76,13 @@ void Narrowphase::tell(Slot& slot, const Approach& approach, const Vec3& pull, b
                  manifold, told);
 }
 
-void Narrowphase::touch_ground(const Slot& slot, const Convex& shape, const Pose& pose, const Approach& approach,
-                               const Vec3& pull) {
+void Narrowphase::touch_ground(const Slot& slot, const Convex& shape, const Pose& pose, const SoilBelow& soil,
+                               const Approach& approach, const Vec3& pull) {
   const double step = approach.duration;
-  search_.find(shape, pose, *now_.terrain, now_.time, approach.with_margin(slot.near.spread * step), contacts_);
-  if (now_.soil != nullptr) {
-    const auto is_soil = [&](const Contact& contact) {  // its edges belong to it for what is over it
-      const Vec3 inwards = contact.point + (pose.at - contact.point) * TOWARDS_MIDDLE;
-      return contact.deck < 0 && !contact.on_mesh && now_.soil->within_map(inwards, now_.time) >= 0.0;
+  search_.find(shape, pose, *now_.terrain, now_.time, approach.with_margin(slot.near.spread * step), contacts_, soil);
+  if (soil.map != nullptr) {
+    const auto is_soil = [&](const Contact& contact) {
+      return contact.deck < 0 && !contact.on_mesh && now_.soil->is_all_around(contact.point, AT_EDGE, now_.time);
     };
     contacts_.erase(std::remove_if(contacts_.begin(), contacts_.end(), is_soil), contacts_.end());
   }

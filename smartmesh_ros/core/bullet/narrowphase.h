@@ -39,8 +39,8 @@ class Narrowphase {
   // as in `motion_around`.
   OnSoil on_soil(const Slot& slot, double step, double ahead) const;
   // Finds the contacts and their rows with ground that is no soil.
-  void touch_ground(const Slot& slot, const Convex& shape, const Pose& pose, const Approach& approach,
-                    const Vec3& pull);
+  void touch_ground(const Slot& slot, const Convex& shape, const Pose& pose, const SoilBelow& soil,
+                    const Approach& approach, const Vec3& pull);
   // Puts the contacts into a manifold.
   void tell(Slot& slot, const Approach& approach, const Vec3& pull, btPersistentManifold& manifold);
 

@@ -6,6 +6,8 @@
 
 #include <BulletCollision/NarrowPhaseCollision/btPersistentManifold.h>
 
+#include "map/grid_facet.h"
+
 namespace smartmesh {
 
 namespace {
@@ -69,6 +71,11 @@ double SoilInStep::within_map(const Vec3& point, double time) const {
   const HeightGrid& map = lattice.map();
   const GridPoint at = to_grid(map.pose_at(time), map.resolution, point.x, point.y);
   return std::min({at.row, at.column, map.rows - 1 - at.row, map.columns - 1 - at.column}) * map.resolution;
+}
+
+// The cells of a map are soil where all of their corners have heights: so have the fine samples in them.
+bool SoilInStep::is_all_around(const Vec3& point, double radius, double time) const {
+  return is_ground_around(lattice.map(), lattice.map().pose_at(time), point, radius);
 }
 
 double SoilInStep::below_map(const Vec3& point, double time) const {

@@ -67,6 +67,10 @@ class SoilInStep {
 
   // Returns how far inside the outline of the map a point is [m], negative outside.
   double within_map(const Vec3& point, double time) const;
+  // Returns true if there is soil at a point, horizontally; holes of the map have none.
+  bool has(const Vec3& point, double time) const { return is_all_around(point, 0.0, time); }
+  // Returns true if there is soil all around a point, within a `radius` [m].
+  bool is_all_around(const Vec3& point, double radius, double time) const;
   // Returns how far the ground at a point was pressed below its map [m].
   double below_map(const Vec3& point, double time) const;
   // Returns the motion of the soil within a `radius` [m] of a point, with mean velocities over the time `ahead` [s], or

@@ -102,7 +102,7 @@ void find_contacts(const Convex& shape, const Pose& pose, const Patch& patch, co
 }  // namespace
 
 void ContactSearch::run(const Convex& shape, const Pose& pose, Tiles& tiles, double time, Approach approach,
-                        std::vector<Contact>& contacts, double thickness) {
+                        std::vector<Contact>& contacts, double thickness, const SoilBelow& soil) {
   contacts.clear();
   if (shape.core.vertices.size() != 1)  // no ball
     approach.impact = IMPACT, approach.angle = norm(approach.angular) * approach.duration,
@@ -111,7 +111,7 @@ void ContactSearch::run(const Convex& shape, const Pose& pose, Tiles& tiles, dou
   const Bounds bounds = bounds_of(shape, pose).grown(grown);
   if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high))) return;
   const ShapeReach reach(shape, pose, grown, bounds.low.z, thickness);
-  tiles.gather(bounds, time, approach.ahead, reach, maps);
+  tiles.gather(bounds, time, approach.ahead, reach, maps, soil);
   tiles.gather_meshes(bounds, time, approach.ahead, reach, meshes);
   for (Patch* patch : {&maps, &meshes}) {
     if (patch->facets.empty()) continue;

@@ -11,9 +11,9 @@ namespace smartmesh {
 // Its memory serves one search after the other.
 struct ContactSearch {
   // Replaces `contacts` by those of a shape at `pose` with the ground at `time` [s]; none if a number is not finite.
-  // `thickness` [m]: of height maps at their holes and rims.
+  // `thickness` [m]: of height maps at their holes and rims. `soil`: is left out.
   void run(const Convex& shape, const Pose& pose, Tiles& tiles, double time, Approach approach,
-           std::vector<Contact>& contacts, double thickness = INFINITE);
+           std::vector<Contact>& contacts, double thickness = INFINITE, const SoilBelow& soil = {});
   // Finds the angular velocity of the ground at contacts of the last search, but for those on decks.
   void find_rotations(std::vector<Contact>& contacts) const;
 

@@ -50,8 +50,8 @@ void GroundContacts::find_on_decks(const Convex& shape, const Pose& pose, const 
 }
 
 void GroundContacts::find(const Convex& shape, const Pose& pose, Tiles& tiles, double time, const Approach& approach,
-                          std::vector<Contact>& contacts) {
-  search_.run(shape, pose, tiles, time, approach, contacts);
+                          std::vector<Contact>& contacts, const SoilBelow& soil) {
+  search_.run(shape, pose, tiles, time, approach, contacts, INFINITE, soil);
   contacts.insert(contacts.end(), on_decks_.begin(), on_decks_.end());
   seams_.remove_hidden(search_, pose.to_world(shape.centre), contacts);
 }

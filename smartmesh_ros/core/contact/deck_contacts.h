@@ -32,9 +32,10 @@ class GroundContacts {
                      double time, const Approach& body);
   bool has_decks() const { return !on_decks_.empty(); }
   // Replaces `contacts` by those of the shape with the other ground, see ContactSearch, and those found on decks
-  // before. Rotations of the other ground are found for those contacts alone that are chosen of them.
+  // before. `soil`: is left out. Rotations of the other ground are found for those contacts alone that are chosen of
+  // them.
   void find(const Convex& shape, const Pose& pose, Tiles& tiles, double time, const Approach& approach,
-            std::vector<Contact>& contacts);
+            std::vector<Contact>& contacts, const SoilBelow& soil = {});
   void find_rotations(std::vector<Contact>& contacts) const { search_.find_rotations(contacts); }
 
  private:

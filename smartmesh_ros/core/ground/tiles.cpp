@@ -2,12 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "ground/deck.h"
 
 namespace smartmesh {
 
 namespace {
+
+// Distance from the edge of a map within which a point is on it [m].
+constexpr double AT_EDGE = 1e-6;
 
 // Returns true if there is ground at a height [m], and none at an `other` one that is as high; NaN = no ground there.
 bool is_above(double height, double other) { return !(height <= other) && !std::isnan(height); }
@@ -201,27 +205,32 @@ void Tiles::find_under(const Bounds& bounds, double time) {
   }
 }
 
-void Tiles::gather(const Bounds& bounds, double time, double ahead, const Reach& reach, Patch& patch) {
+void Tiles::gather(const Bounds& bounds, double time, double ahead, const Reach& reach, Patch& patch,
+                   const SoilBelow& soil) {
   patch.clear();
+  if (soil.is_all) return;
   find_under(with_gaps(bounds), time);
   if (under_.empty()) return;
   if (under_.size() > 1) {
     const MapAtInstant& finest = **std::min_element(
         under_.begin(), under_.end(),
         [](const MapAtInstant* a, const MapAtInstant* b) { return a->grid->resolution < b->grid->resolution; });
-    sample_across(finest, bounds, time, ahead, reach, patch);
+    sample_across(finest, bounds, time, ahead, reach, soil, patch);
     return;
   }
   const MapAtInstant& map = *under_[0];
+  if (soil.is_below && map.grid == soil.map) return;
   const CellRange cells = cells_under(*map.grid, map.pose, bounds);
   if (cells.empty()) return;
   read_window(*map.grid, map.pose, cells, time, ahead, window_);
   if (window_.highest() >= bounds.low.z) add_cells(window_, cells.top - 1, cells.left - 1, reach, patch);
 }
 
-// Samples the tiles under a body on the lattice of the finest one, which may go on beyond its edge.
+// Samples the tiles under a body on the lattice of the finest one, which may go on beyond its edge. At the edges of
+// soil the height is that of the other tiles: a body that sank meets their sides. Beside soil that is higher, it is the
+// soil's.
 void Tiles::sample_across(const MapAtInstant& finest, const Bounds& bounds, double time, double ahead,
-                          const Reach& reach, Patch& patch) {
+                          const Reach& reach, const SoilBelow& soil, Patch& patch) {
   Bounds here;  // where there are tiles
   for (const MapAtInstant* map : under_) here.add(map->bounds.low), here.add(map->bounds.high);
   const double resolution = finest.grid->resolution;
@@ -234,10 +243,23 @@ void Tiles::sample_across(const MapAtInstant& finest, const Bounds& bounds, doub
   window_.heights.clear(), window_.rises.clear(), window_.slides.clear();
   window_.ahead = ahead;
   TileReader tiles(under_, widest_cell_, time, ahead > 0.0 ? ahead : INSTANT);
+  const auto of_soil =
+      std::find_if(under_.begin(), under_.end(), [&](const MapAtInstant* map) { return map->grid == soil.map; });
+  const bool has_soil = of_soil != under_.end();
+  std::vector<const MapAtInstant*> others;
+  if (has_soil) std::remove_copy(under_.begin(), under_.end(), std::back_inserter(others), *of_soil);
+  TileReader beside(others, widest_cell_, time, ahead > 0.0 ? ahead : INSTANT);
+  const auto sample = [&](const Vec3& p) -> GroundPoint {
+    if (!has_soil) return tiles.sample(p.x, p.y);
+    if (is_ground_around(*soil.map, (*of_soil)->pose, p, AT_EDGE)) return {NONE, {}};
+    const GroundPoint ground = tiles.sample(p.x, p.y), other = beside.sample(p.x, p.y);
+    const bool is_others = soil.is_below ? !std::isnan(other.height) : other.height > ground.height;
+    return is_others ? other : ground;
+  };
   for (int r = 0; r < window_.rows; ++r) {
     for (int c = 0; c < window_.columns; ++c) {
       const Vec3 p = window_.pose.point({static_cast<double>(r), static_cast<double>(c)}, window_.resolution);
-      const GroundPoint ground = tiles.sample(p.x, p.y);
+      const GroundPoint ground = sample(p);
       window_.heights.push_back(ground.height);
       if (!(ahead > 0.0)) continue;
       window_.slides.push_back({ground.velocity.x, ground.velocity.y, 0.0});

@@ -25,6 +25,13 @@ struct NearbyGround {
 
 constexpr int NOBODY = -2;
 
+// A map of soil, which other contacts bear: other ground ends at its edges. `map`: null = none. `is_below`: it is below
+// the middle of a shape, for which its own edges are no ground; `is_all`: all below the shape is soil.
+struct SoilBelow {
+  const HeightGrid* map = nullptr;
+  bool is_below = false, is_all = false;
+};
+
 // The ground near a point, whether it is of a mesh, and the deck that has it; null = it is beside decks, or there is
 // none.
 struct NearPoint : GroundPoint {
@@ -73,8 +80,9 @@ class Tiles {
   const std::vector<Deck*>& decks() const { return decks_; }
 
   // Fills `patch` with the ground of height maps, or of meshes, beside decks, inside `bounds` at `time` [s], as far as
-  // it is in `reach`. Velocities are means over the time `ahead` [s]; zero = they are not read.
-  void gather(const Bounds& bounds, double time, double ahead, const Reach& reach, Patch& patch);
+  // it is in `reach`. Velocities are means over the time `ahead` [s]; zero = they are not read. `soil`: is left out.
+  void gather(const Bounds& bounds, double time, double ahead, const Reach& reach, Patch& patch,
+              const SoilBelow& soil = {});
   void gather_meshes(const Bounds& bounds, double time, double ahead, const Reach& reach, Patch& patch);
 
   // Returns a reader at `time` [s], with mean velocities over the time `ahead` [s].
@@ -112,7 +120,7 @@ class Tiles {
   // Finds the maps that have cells under `bounds` at `time` [s], in their order.
   void find_under(const Bounds& bounds, double time);
   void sample_across(const MapAtInstant& finest, const Bounds& bounds, double time, double ahead, const Reach& reach,
-                     Patch& patch);
+                     const SoilBelow& soil, Patch& patch);
 
   std::vector<HeightGrid*> maps_;
   std::vector<MeshSurface*> meshes_;

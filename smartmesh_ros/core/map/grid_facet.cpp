@@ -27,6 +27,17 @@ GridFacet facet_of(const Sample& near, const Sample& corner, const Sample& far, 
           above ? first : second};
 }
 
+bool is_ground_around(const HeightGrid& grid, const GridPose& pose, const Vec3& p, double radius) {
+  const Bounds bounds = Bounds{p, p}.grown(radius);
+  const auto [low, high] = extent_of(pose, grid.resolution, bounds);
+  if (!is_on(grid, low) || !is_on(grid, high)) return false;
+  const CellRange cells = cells_under(grid, pose, bounds);
+  for (int r = cells.top; r <= cells.bottom; ++r)
+    for (int c = cells.left; c <= cells.right; ++c)
+      if (std::isnan(grid.heights[grid.index(r, c)])) return false;
+  return true;
+}
+
 GridFacet facet_at(const HeightGrid& grid, GridReader& reader, GridPoint place, double ahead) {
   const int r = std::min(static_cast<int>(place.row), grid.rows - 2);
   const int c = std::min(static_cast<int>(place.column), grid.columns - 2);

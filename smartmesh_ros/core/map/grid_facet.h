@@ -31,6 +31,9 @@ inline bool is_on(const HeightGrid& grid, const GridPoint& p) {
   return p.row >= -EDGE && p.column >= -EDGE && p.row <= grid.rows - 1 + EDGE && p.column <= grid.columns - 1 + EDGE;
 }
 
+// Returns true if all cells of a map at a pose within a `radius` [m] of a point have ground, horizontally.
+bool is_ground_around(const HeightGrid& grid, const GridPose& pose, const Vec3& p, double radius);
+
 // Returns the place of a map nearest to `p`.
 inline GridPoint clamped(const HeightGrid& grid, const GridPoint& p) {
   return {std::clamp(p.row, 0.0, grid.rows - 1.0), std::clamp(p.column, 0.0, grid.columns - 1.0)};
