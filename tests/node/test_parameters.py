@@ -224,8 +224,8 @@ def test_what_cannot_be_is_refused_at_the_start(parameters: dict[str, Any], word
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        ({"publish.tf": 10.0}, "publish.tf needs tf2_msgs/TFMessage"),
-        ({"terrain.input": "grid_map"}, "needs grid_map_msgs/GridMap"),
+        ({"publish.tf": 10.0}, "publish.tf needs tf2_msgs/msg/TFMessage"),
+        ({"terrain.input": "grid_map"}, "needs grid_map_msgs/msg/GridMap"),
     ],
 )
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, parameters: dict[str, Any], words: str) -> None:

@@ -22,7 +22,7 @@ from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import Y, about, product, rotated
-from smartmesh_ros.node.inputs.optional_messages import find_message
+from smartmesh_ros.node.inputs.optional_messages import find_class
 from smartmesh_ros.node.outputs.cdr import doubles
 from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
@@ -183,7 +183,7 @@ class TerrainSensor(ParameterNode):
 
     def _publish_frame(self, header: Header) -> None:
         """Publish the pose of the optical frame, once, if tf2_msgs is installed."""
-        kind = find_message("tf2_msgs", "TFMessage")
+        kind = find_class("tf2_msgs/msg/TFMessage")
         if self._frames is not None or kind is None:
             return
         self._frames = self.create_publisher(kind, "/tf_static", LATCHED)
