@@ -125,7 +125,8 @@ class TerrainSensor(ParameterNode):
         """Cast the rays of the next look, unless the last ones are still under way."""
         now = self.get_clock().now().nanoseconds * 1e-9
         if self._asked is not None and abs(now - self._asked_at) < PATIENCE:
-            self._warn("looks take longer than 1 / rate, so some are left out; lower rate or the number of rays")
+            words = "looks take longer than 1 / rate, so some are left out; lower rate or the number of rays"
+            self.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)
             return
         if not self._client.service_is_ready():
             self._warn_late(
@@ -198,10 +199,7 @@ class TerrainSensor(ParameterNode):
 
     def _warn_late(self, words: str) -> None:
         if monotonic() - self._looked_at > GRACE:
-            self._warn(words)
-
-    def _warn(self, words: str) -> None:
-        self.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)
+            self.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)  # by the line of code: each has its own
 
 
 def cloud_message(header: Header, points: FloatArray) -> PointCloud2:
