@@ -195,6 +195,7 @@ MAPS = f"qos_overrides.{COLLIDER}/heightmap.subscription"
         ({"bases": ["{body: robot, wheels: [a, b], odom_frame: ''}"]}, "odom_frame must be a text, not empty"),
         ({"bases": [f"{{body: {name}, wheels: [a, b], publish_tf: true}}" for name in "ab"]}, "in one frame"),
         ({"bodies.shapes": ["{body: a}"]}, "it needs a shape and its size, or a urdf"),
+        ({"bodies.shapes": ["{body: a, urdf: x, size: [1]}"]}, "it needs a shape and its size, or a urdf"),
         ({"bodies.shapes": ["{body: a, urdf: /nowhere.urdf}"]}, "/nowhere.urdf"),
         ({"bodies.spawn": ["{id: x, shape: spere, size: [1], xy: [0, 0]}"]}, "no shape 'spere'; did you mean 'sphere'"),
         ({"bodies.spawn": ["{id: x, xy: [0, 0]}"]}, "needs a shape (sphere, box, cylinder, capsule) and its size"),
