@@ -27,7 +27,7 @@ def checked_urdf(urdf: str, folders: Sequence[Path]) -> str:
     urdf = located(urdf)
     length = len(urdf)
     if not is_text(urdf):
-        path = require_inside(Path(urdf), folders, f"URDF file {urdf!r}", cure=AS_TEXT)
+        path = require_inside(Path(urdf), folders, f"URDF file {str(Path(urdf).absolute())!r}", cure=AS_TEXT)
         if not path.is_file():
             raise InputError("urdf", f"there is no URDF file {urdf!r}")
         urdf, length = str(path), path.stat().st_size

@@ -34,7 +34,8 @@ def package_folder(name: str) -> Path | None:
 def expanded(name: str | os.PathLike[str]) -> Path:
     """Return the path that is given as the ``name`` of a file or folder. ``~`` is a user's home, and stays if there is
     no such user; ``package://<package>`` is the folder of an installed package; ``file://`` is left out. In a URI
-    ``%20`` and the like may stand for characters. Raises `InputError` if the package is not installed."""
+    ``%20`` and the like may stand for characters. Raises `InputError` if the package is not installed, and for a URI of
+    another scheme."""
 
     def folder(match: re.Match[str]) -> str:
         if (found := package_folder(match[1])) is not None:
@@ -43,6 +44,8 @@ def expanded(name: str | os.PathLike[str]) -> Path:
 
     name = os.fspath(name)
     path = re.sub("^file://(localhost(?=/))?", "", re.sub("^package://([^/]+)", folder, name))
+    if re.match(r"\w+://", path):
+        raise InputError("folder", f"{name[:200]!r} cannot be opened; give a path, or a URI with file:// or package://")
     if path != name and not os.path.exists(path):  # noqa: PTH110  # False for what is no path
         path = unquote(path)
     with suppress(RuntimeError, ValueError):

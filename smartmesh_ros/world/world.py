@@ -20,6 +20,7 @@ from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.height_scan import HeightScan, require_scan, yaws_of
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
+from smartmesh_ros.world.bodies import BodyFactory
 from smartmesh_ros.world.contacts import GroundContact, GroundWrench, ground_contacts, wrenches_of_step
 from smartmesh_ros.world.driving import Carrier
 from smartmesh_ros.world.falling import Falls
@@ -115,6 +116,7 @@ class World(SavedWorld):
             self.client.disconnect()
         nobody: Any = NoClient("this world is closed; make another")
         self.client = self.ground = self.falls = nobody
+        self._factory = BodyFactory(nobody, self.config.physics)
 
     def update(self) -> None:
         """Do what a step does before physics, see `Ground.update`. Call it while no steps are taken."""

@@ -34,7 +34,7 @@ from smartmesh_msgs.srv import (
 from std_msgs.msg import Header, String
 from std_srvs.srv import SetBool, Trigger
 
-from smartmesh_ros.node.inputs.optional_messages import find_message
+from smartmesh_ros.node.inputs.optional_messages import find_class
 from smartmesh_ros.node.sensor.terrain_sensor import cloud_message
 from smartmesh_ros.tools.testing import floats, heightmap_message, mesh_message, point_message, pose_message
 from tests import urdfs
@@ -130,7 +130,7 @@ def _occupancy(rng: np.random.Generator) -> Any:
 
 
 def _occupancy_update(rng: np.random.Generator) -> Any:
-    kind: Any = find_message("map_msgs", "OccupancyGridUpdate")
+    kind: Any = find_class("map_msgs/msg/OccupancyGridUpdate")
     return _framed(kind(x=2, y=3, width=4, height=2, data=rng.integers(-1, 101, 8).tolist()))
 
 
@@ -147,7 +147,7 @@ def _grid_map(rng: np.random.Generator) -> Any:
 
 
 def _transforms(rng: np.random.Generator) -> Any:
-    kind: Any = find_message("tf2_msgs", "TFMessage")
+    kind: Any = find_class("tf2_msgs/msg/TFMessage")
     places = [pose.position for pose in (_place(rng), _place(rng))]
     moves = [Transform(translation=Vector3(x=place.x, y=place.y), rotation=Quaternion(w=1.0)) for place in places]
     children = zip(("tool", "odom"), moves, strict=True)

@@ -162,7 +162,8 @@ MAPS = f"qos_overrides.{COLLIDER}/heightmap.subscription"
         ({"soil.type": ["lunar", "porridge"]}, "there is no soil 'porridge'"),
         ({"soil.type": ["lunar"], "terrain.changes": "correction"}, "terrain.changes"),
         ({"raster.material_layers": ["colour"]}, "colour"),
-        ({"robot.description": "/nowhere.urdf"}, "/nowhere.urdf"),
+        ({"robot.description": "nowhere.urdf"}, f"{Path.cwd()}/nowhere.urdf"),
+        ({"robot.description": "model://rover.urdf"}, "give a path, or a URI with file:// or package://"),
         ({"robot.start": ["{id: a}"]}, "xyz: [x, y, z]"),
         ({"robot.start": ["{id: a, xy: [0, 0]}", "{id: b, xy: [0, 0]}"]}, "2 entries"),
         ({"robot.start": []}, "0 entries"),
@@ -194,11 +195,13 @@ MAPS = f"qos_overrides.{COLLIDER}/heightmap.subscription"
         ({"bases": ["{body: robot, wheels: [a, b], odom_frame: ''}"]}, "odom_frame must be a text, not empty"),
         ({"bases": [f"{{body: {name}, wheels: [a, b], publish_tf: true}}" for name in "ab"]}, "in one frame"),
         ({"bodies.shapes": ["{body: a}"]}, "it needs a shape and its size, or a urdf"),
+        ({"bodies.shapes": ["{body: a, urdf: x, size: [1]}"]}, "it needs a shape and its size, or a urdf"),
         ({"bodies.shapes": ["{body: a, urdf: /nowhere.urdf}"]}, "/nowhere.urdf"),
         ({"bodies.spawn": ["{id: x, shape: spere, size: [1], xy: [0, 0]}"]}, "no shape 'spere'; did you mean 'sphere'"),
         ({"bodies.spawn": ["{id: x, xy: [0, 0]}"]}, "needs a shape (sphere, box, cylinder, capsule) and its size"),
         ({"bodies.spawn": ["{id: x, shape: box, size: 1, xy: [0, 0]}"]}, "size must be a list of numbers in metres"),
         ({"bodies.spawn": ["{id: x, urdf: a, mas: 3, xy: [0, 0]}"]}, "'mas' is unknown; did you mean 'mass'?"),
+        ({"bodies.spawn": ["{id: x, urdf: a, shape: box, mass: 3, xy: [0, 0]}"]}, "of its urdf; leave out shape, mass"),
         ({"bodies.spawn": ["{id: x, urdf: a, yaw: .inf, xy: [0, 0]}"]}, "mass and yaw must be finite numbers"),
         ({"bodies.spawn": ["{id: x, urdf: a, xy: [.nan, 0]}"]}, "with clearance or above, all of them finite"),
         ({"bodies.spawn": [f"{{id: x, urdf: a, xy: [1{'0' * 400}, 0]}}"]}, "all of them finite"),
@@ -224,8 +227,8 @@ def test_what_cannot_be_is_refused_at_the_start(parameters: dict[str, Any], word
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        ({"publish.tf": 10.0}, "publish.tf needs tf2_msgs/TFMessage"),
-        ({"terrain.input": "grid_map"}, "needs grid_map_msgs/GridMap"),
+        ({"publish.tf": 10.0}, "publish.tf needs tf2_msgs/msg/TFMessage"),
+        ({"terrain.input": "grid_map"}, "needs grid_map_msgs/msg/GridMap"),
     ],
 )
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, parameters: dict[str, Any], words: str) -> None:

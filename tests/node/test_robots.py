@@ -90,7 +90,7 @@ def test_bad_commands_are_refused_whole_and_the_last_good_one_goes_on(logged: Lo
     with driven(ROVER, WHEELS, **LASTING) as (node, refuse):
         node.give("joint_commands", JointState(name=WHEELS, velocity=[4.0] * 4))
         refuse(
-            ("unknown_joint", {"name": [*WHEELS[:3], "flux"], "velocity": [0.0] * 4}),
+            ("unknown_joint", {"name": [*WHEELS[:3], "rear_rihgt"], "velocity": [0.0] * 4}),
             ("unknown_joint", {"name": ["crane/front_left"], "velocity": [0.0]}),
             ("duplicate_id", {"name": ["rear_left", "robot/rear_left"], "velocity": [0.0] * 2}),
             ("length", {"velocity": [0.0] * 4, "effort": [1.0]}),
@@ -99,7 +99,8 @@ def test_bad_commands_are_refused_whole_and_the_last_good_one_goes_on(logged: Lo
             ("joint_command", {"velocity": [0.0] * 4, "effort": [1.0, 1.0, 1.0, -1.0]}),
         )
         said = logged()
-        assert "1 of 4 joints are unknown: 'flux'" in said and "robot/front_left, robot/front_right" in said
+        assert "1 of 4 joints are unknown: 'rear_rihgt'; did you mean 'rear_right'?" in said
+        assert "robot/front_left, robot/front_right" in said
         node.run(240)
         assert [found.velocity for found in node.world.joints("robot")] == pytest.approx([4.0] * 4, rel=0.01)
         free = JointState(name=[f"robot/{wheel}" for wheel in WHEELS])  # nothing but names

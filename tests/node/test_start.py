@@ -86,6 +86,7 @@ def test_sources_of_parameters_are_named_and_those_without_effect_are_warned_abo
         file = tmp_path / name
         file.write_text(text)
         arguments += ["--params-file", str(file)]
+    arguments += ["-p", "terrain.noise:=0.01"]
     monkeypatch.setattr(sys, "argv", ["terrain_collider", *arguments])
     with made_with(TerrainCollider, {"terrain.motoin": "hold"}, arguments[1:]) as node:
         physics, motion = node.settings.world.physics, node.settings.motion
@@ -93,7 +94,8 @@ def test_sources_of_parameters_are_named_and_those_without_effect_are_warned_abo
     lines = logged().splitlines()
     deck, unknown, stray = (line for line in lines if "[WARN]" in line)
     [start] = (line for line in lines if "[INFO]" in line)
-    assert start.endswith(f"parameters: {tmp_path}/decks.yaml, values in a launch file, {tmp_path}/hold.yaml")
+    files = f"{tmp_path}/decks.yaml, values in a launch file, {tmp_path}/hold.yaml"
+    assert start.endswith(f"parameters: {files}, -p terrain.noise")
     entries = "is unknown and has no effect; each entry of 'decks' is a text in quotes: \"{...}\""
     assert f"parameter 'decks.deck' {entries}" in deck
     assert "parameter 'terrain.motoin' is unknown and has no effect; did you mean 'terrain.motion'?" in unknown

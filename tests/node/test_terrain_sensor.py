@@ -1,6 +1,7 @@
 """The simulated lidar and depth camera over real DDS."""
 
 import math
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -84,6 +85,19 @@ def test_noise_has_the_deviation_that_was_asked_for(domain: int, monkeypatch: py
         off = np.linalg.norm(points_of_cloud(found[0]), axis=1) - true
         assert np.std(off / (0.03 + 0.002 * true**2)) == pytest.approx(1.0, rel=0.05)
         assert np.mean(off) == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_refusal_of_looks_is_told_although_looks_are_left_out(
+    domain: int, monkeypatch: pytest.MonkeyPatch, logged: Callable[[], str]
+) -> None:
+    monkeypatch.setattr("smartmesh_ros.node.sensor.terrain_sensor.GRACE", -1.0)
+    refusal = CastRays.Response(success=False, message="no body is called 'nobody'")
+    with made_with(TerrainSensor, {}) as node:
+        node._asked, node._asked_at = refusal, node.get_clock().now().nanoseconds * 1e-9
+        node._on_time()
+        node._on_answer(SimpleNamespace(result=lambda: refusal), np.zeros((0, 3)))
+    said = logged()
+    assert "looks take longer than 1 / rate" in said and "no look: no body is called 'nobody'" in said
 
 
 def test_a_depth_camera_agrees_with_its_cloud(shared: Probe) -> None:

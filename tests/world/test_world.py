@@ -72,9 +72,15 @@ def test_what_cannot_be_is_refused_and_nothing_changes(world: World, act: Callab
 def test_a_closed_world_says_that_it_is_closed() -> None:
     world = World(level(11))
     world.spawn("ball", Sphere(0.2), 1.0)
+    world.track("tracked", 0.2, BodyState((1.0, 1.0, 1.0)))
     world.close()
     world.close()
-    for ask in (world.step, world.update, world.contacts, world.patches, world.save, partial(world.state, "ball")):
+    for ask in (
+        world.step, world.update, world.contacts, world.patches, world.save, partial(world.state, "ball"),
+        partial(world.spawn, "other", Sphere(0.2), 1.0), partial(world.spawn_robot, "rover", urdfs.ROVER),
+        partial(world.track, "tracked", 0.2, BodyState()), partial(world.move, "ball", BodyState()),
+        partial(world.remove, "ball"),
+    ):  # fmt: skip
         with pytest.raises(InputError, match="this world is closed; make another"):
             ask()
 

@@ -35,12 +35,11 @@ void Narrowphase::touch(Slot& slot, const btCollisionObjectWrapper& part, btPers
   Approach body = approach;
   body.linear = slot.linear, body.ground = {};
   search_.find_on_decks(*shape, pose, *now_.terrain, slot.decks, now_.time, body);
-  const double reach = shape->bounding_radius + approach.contact_distance(pose.at, shape->bounding_radius);
   SoilBelow soil;
-  if (with_soil != nullptr)
+  if (with_soil != nullptr) {
+    const double reach = shape->bounding_radius + approach.contact_distance(pose.at, shape->bounding_radius);
     soil = {&now_.soil->lattice.map(), now_.soil->has(pose.at, now_.time),
             now_.soil->is_all_around(pose.at, reach, now_.time)};
-  if (with_soil != nullptr) {
     contacts_.clear(), rows_.clear();
     read_contacts(*with_soil, before_);
     if (now_.soil->within_map(pose.at, now_.time) > -shape->bounding_radius) {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-from importlib import import_module
 from typing import Any
 
 from rclpy.serialization import deserialize_message
@@ -11,6 +10,7 @@ from rosidl_parser.definition import AbstractNestedType, AbstractString, Array, 
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
+from smartmesh_ros.node.inputs.optional_messages import class_of
 from smartmesh_ros.node.outputs.cdr import DTYPES
 
 # Most elements in a sequence of messages or strings.
@@ -70,4 +70,4 @@ def _fields_to_check(kind: Any) -> list[Any]:
 
 @cache
 def _class_of(*name: str) -> Any:
-    return getattr(import_module(".".join(name[:-1])), name[-1])
+    return class_of("/".join(name))

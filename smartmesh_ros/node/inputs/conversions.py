@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from shape_msgs.msg import SolidPrimitive
 
-from smartmesh_ros.errors import InputError, listed, require_body_name
+from smartmesh_ros.errors import InputError, listed, require_body_name, suggestion
 from smartmesh_ros.ground.body_shapes import link_names
 from smartmesh_ros.ground.quaternions import rotate
 from smartmesh_ros.ground.shapes import SHAPES, Shape, ShapeKind, Solid, shape_from, shape_of
@@ -202,6 +202,7 @@ def _joints(names: list[str], world: World, prefixes: Mapping[str, str]) -> list
     if unknown:
         there = [f"{robot}/{joint}" for robot, joints in robots.items() for joint in joints]
         words = f"{len(unknown)} of {len(names)} joints are unknown: {listed([*map(repr, unknown)], 20)}"
+        words += suggestion(unknown[0], [*short, *there])
         raise InputError("unknown_joint", f"{words}; there is {listed(there, 20) or 'no robot with joints'}")
     if len(set(found)) < len(found):
         raise InputError("duplicate_id", "a joint is commanded twice in one message; name each once")

@@ -26,7 +26,7 @@ from smartmesh_ros.node.inputs.cdr_reader import (
 )
 from smartmesh_ros.node.inputs.deck_inputs import DeckInputs, Target
 from smartmesh_ros.node.inputs.map_checks import MapChecks
-from smartmesh_ros.node.inputs.optional_messages import find_message, require_message
+from smartmesh_ros.node.inputs.optional_messages import class_of, find_class
 from smartmesh_ros.node.inputs.source_clocks import SourceClocks
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.session import Session, require_name
@@ -64,9 +64,9 @@ class TerrainInputs:
         session.listen(TerrainMeshUpdate, "terrain_mesh_update", self._on_mesh_update, updates, raw=True)
         if settings.input != "heightmap":
             adapter = ADAPTERS[settings.input]
-            kind = require_message(adapter.package, adapter.message, f"terrain.input {settings.input!r}")
+            kind = class_of(f"{adapter.package}/msg/{adapter.message}", f"terrain.input {settings.input!r}")
             session.listen(kind, settings.input, partial(self._on_raster, adapter.convert), maps)
-        if settings.input == "occupancy_grid" and (kind := find_message("map_msgs", "OccupancyGridUpdate")):
+        if settings.input == "occupancy_grid" and (kind := find_class("map_msgs/msg/OccupancyGridUpdate")):
             session.listen(kind, "occupancy_grid_update", self._on_occupancy_update, updates)
         elif settings.input == "occupancy_grid":
             session.node.get_logger().info(

@@ -14,7 +14,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader, Stamped
 from smartmesh_ros.node.inputs.frames import FrameBuffer
-from smartmesh_ros.node.inputs.optional_messages import require_message
+from smartmesh_ros.node.inputs.optional_messages import class_of
 from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.session import Session, require_name
 from smartmesh_ros.node.timing.stamps import stamp_seconds
@@ -70,7 +70,7 @@ class TransformInput:
         """Subscribes, once. Raises `InputError` if the package that ``what`` needs is not installed."""
         if self.listening:
             return
-        kind = require_message("tf2_msgs", "TFMessage", what)
+        kind = class_of("tf2_msgs/msg/TFMessage", what)
         self.listening = True
         moving = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)

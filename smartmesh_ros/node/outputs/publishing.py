@@ -24,7 +24,7 @@ from std_msgs.msg import Header, String
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.node.fleet.peers import PeerBodies
-from smartmesh_ros.node.inputs.optional_messages import find_message
+from smartmesh_ros.node.inputs.optional_messages import find_class
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs import body_outputs, patch_outputs
 from smartmesh_ros.node.outputs.cdr import ArrayMessage, floats
@@ -100,7 +100,7 @@ class Publishing:
             "pressed_ground": (HeightmapUpdate, self._make_pressed_ground),
             "scene": (MarkerArray, lambda: self._scene.write(header(), clear=self._outputs["scene"].needs_all())),
         }
-        if (grid_map := find_message("grid_map_msgs", "GridMap")) is not None:
+        if (grid_map := find_class("grid_map_msgs/msg/GridMap")) is not None:
             made["sinkage"] = grid_map, partial(self._make_sinkage, grid_map)
         return {name: Output(self._session, kind, name, make) for name, (kind, make) in made.items()}
 

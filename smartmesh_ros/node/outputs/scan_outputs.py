@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension, MultiArrayLayout
 
-from smartmesh_ros.node.inputs.optional_messages import require_message
+from smartmesh_ros.node.inputs.optional_messages import class_of
 from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.node.outputs.rates import Beat
 from smartmesh_ros.node.parameters.entries import OutputEntry
@@ -52,7 +52,7 @@ class GroundMapOutput:
 
     def __init__(self, session: Session, entry: OutputEntry) -> None:
         self._session, self._entry, self._beat = session, entry, Beat(session.world, entry.rate)
-        self._kind = require_message("grid_map_msgs", "GridMap", "ground_maps")
+        self._kind = class_of("grid_map_msgs/msg/GridMap", "ground_maps")
         self.publisher = session.publisher(self._kind, entry.topic)
 
     def publish(self, *, now: bool) -> None:

@@ -12,7 +12,7 @@ from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.transform import IDENTITY, Transform
-from smartmesh_ros.node.inputs.optional_messages import require_message
+from smartmesh_ros.node.inputs.optional_messages import class_of
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.cdr import ArrayMessage, fields_of, stamp_fields
 from smartmesh_ros.node.outputs.rates import Rhythm
@@ -40,7 +40,7 @@ class Broadcast:
 
     def __init__(self, session: Session, transforms: TransformInput, what: str) -> None:
         self._session, self._transforms = session, transforms
-        self._kind = require_message("tf2_msgs", "TFMessage", what)
+        self._kind = class_of("tf2_msgs/msg/TFMessage", what)
         self._publisher = session.node.create_publisher(self._kind, TOPIC, 100)
         self._message = ArrayMessage()
         self._stamp = (0, 0)
@@ -160,4 +160,4 @@ class TransformOutputs:
 def require_transforms(rate: float) -> None:
     """Raises `InputError` if a rate of ``publish.tf`` [Hz] needs the class TFMessage and its package is missing."""
     if rate:
-        require_message("tf2_msgs", "TFMessage", PARAMETER)
+        class_of("tf2_msgs/msg/TFMessage", PARAMETER)

@@ -147,7 +147,7 @@ def shape_entries(parameter: str, texts: Sequence[str]) -> tuple[ShapeEntry, ...
     """
 
     def entry(found: dict[str, Any], _: int) -> ShapeEntry:
-        if ("urdf" in found) == ("shape" in found):
+        if ("urdf" in found) == bool({"shape", "size"} & found.keys()):
             raise InputError("parameter", "it needs a shape and its size, or a urdf")
         if "urdf" in found:
             return ShapeEntry(name_in(found), urdf=_checked("urdf", found["urdf"], ""))

@@ -99,6 +99,11 @@ def files_of(arguments: Sequence[str]) -> list[Path]:
     return [Path(value) for option, value in pairwise(arguments) if option == "--params-file"]
 
 
+def set_one_by_one(arguments: Sequence[str]) -> list[str]:
+    """Return the names of the parameters that a command line sets by ``-p``, in order."""
+    return [value.partition(":=")[0] for option, value in pairwise(arguments) if option in ("-p", "--param")]
+
+
 def source_of(file: Path) -> str:
     """Return what a user knows a parameter file as: launch_ros writes the values in launch files into files of its own,
     with random names."""

@@ -12,12 +12,12 @@ from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from rclpy.node import Node
 
-from smartmesh_ros.errors import InputError, naming
+from smartmesh_ros.errors import InputError, listed, naming
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.declaring import ParameterNode, Spec
 from smartmesh_ros.node.parameters.entries import deck_entries, output_entries, shape_entries
-from smartmesh_ros.node.parameters.helping import files_of, mismatch, source_of
+from smartmesh_ros.node.parameters.helping import files_of, mismatch, set_one_by_one, source_of
 from smartmesh_ros.node.parameters.settings import Settings, TerrainChanges, body_sources, peer_names
 from smartmesh_ros.terrain.motion import MOST_SMOOTHING
 from smartmesh_ros.world.paths import expanded
@@ -221,7 +221,8 @@ def announce(node: Node, settings: Settings) -> None:
     strays = {file: mismatch(file, name) for file in files_of(sys.argv)}
     for reason in filter(None, strays.values()):
         node.get_logger().warning(reason)
-    taken = ", ".join(dict.fromkeys(source_of(file) for file, reason in strays.items() if reason is None)) or "defaults"
+    sources = [source_of(file) for file, reason in strays.items() if reason is None]
+    taken = listed([*dict.fromkeys(sources), *(f"-p {one}" for one in set_one_by_one(sys.argv))], 10) or "defaults"
     terrain = f"~/{settings.input}" + (f" and {settings.file}" if settings.file else "")
     words = f"terrain from {terrain}; physics {physics.rate:g} Hz; parameters: {taken}"
     node.get_logger().info(f"{name}: {words}")

@@ -22,7 +22,7 @@ from std_msgs.msg import Header
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import Y, about, product, rotated
-from smartmesh_ros.node.inputs.optional_messages import find_message
+from smartmesh_ros.node.inputs.optional_messages import find_class
 from smartmesh_ros.node.outputs.cdr import doubles
 from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
@@ -125,7 +125,8 @@ class TerrainSensor(ParameterNode):
         """Cast the rays of the next look, unless the last ones are still under way."""
         now = self.get_clock().now().nanoseconds * 1e-9
         if self._asked is not None and abs(now - self._asked_at) < PATIENCE:
-            self._warn("looks take longer than 1 / rate, so some are left out; lower rate or the number of rays")
+            words = "looks take longer than 1 / rate, so some are left out; lower rate or the number of rays"
+            self.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)
             return
         if not self._client.service_is_ready():
             self._warn_late(
@@ -183,7 +184,7 @@ class TerrainSensor(ParameterNode):
 
     def _publish_frame(self, header: Header) -> None:
         """Publish the pose of the optical frame, once, if tf2_msgs is installed."""
-        kind = find_message("tf2_msgs", "TFMessage")
+        kind = find_class("tf2_msgs/msg/TFMessage")
         if self._frames is not None or kind is None:
             return
         self._frames = self.create_publisher(kind, "/tf_static", LATCHED)
@@ -198,10 +199,7 @@ class TerrainSensor(ParameterNode):
 
     def _warn_late(self, words: str) -> None:
         if monotonic() - self._looked_at > GRACE:
-            self._warn(words)
-
-    def _warn(self, words: str) -> None:
-        self.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)
+            self.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)  # by the line of code: each has its own
 
 
 def cloud_message(header: Header, points: FloatArray) -> PointCloud2:

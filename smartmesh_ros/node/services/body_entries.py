@@ -71,6 +71,8 @@ def start_from(texts: Sequence[str]) -> Entry:
 def _entry(found: dict[str, Any], _: int) -> Entry:
     """Return the entry of a mapping. Raises `InputError`."""
     urdf = str(found.get("urdf", ""))
+    if urdf and (own := [key for key in ("shape", "size", "mass") if key in found]):
+        raise InputError("parameter", f"a robot has the shapes and masses of its urdf; leave out {', '.join(own)}")
     shape = None if urdf else shape_in(found)
     mass, yaw = _finite([found.get("mass", 1.0), found.get("yaw", 0.0)], "mass and yaw must be finite numbers")
     place = _place(found)

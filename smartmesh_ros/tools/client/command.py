@@ -29,6 +29,7 @@ from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import TrackedBody
 
 from smartmesh_ros.errors import InputError, suggestion
+from smartmesh_ros.node.inputs.optional_messages import class_of
 from smartmesh_ros.node.parameters.helping import own_arguments
 from smartmesh_ros.node.transport import colliders
 from smartmesh_ros.startup.arguments import Parser, number
@@ -37,7 +38,6 @@ from smartmesh_ros.tools.client.parameters import parameter_from
 from smartmesh_ros.tools.client.remote import Remote, following
 from smartmesh_ros.tools.client.sight import KINDS
 from smartmesh_ros.tools.messages import BEST, pose_message
-from smartmesh_ros.tools.replay.bag import class_of
 from smartmesh_ros.world.robots.description import named_file, urdf_text, xml_of
 
 SHAPES = {

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 from abc import ABC, abstractmethod
 from collections import Counter
@@ -14,6 +13,7 @@ import yaml
 from rclpy.serialization import serialize_message
 
 from smartmesh_ros.errors import InputError, as_float
+from smartmesh_ros.node.inputs.optional_messages import class_of
 
 # The end of the names of topics with the events of a service.
 EVENTS = "/_service_event"
@@ -138,16 +138,6 @@ def type_of(kind: Any) -> str:
     """Return the name ``package/msg/Name`` of a message class."""
     package, middle, *_ = kind.__module__.split(".")
     return f"{package}/{middle}/{kind.__name__}"
-
-
-def class_of(name: str) -> Any:
-    """Return the class of a message ``package/msg/Name``; raise `InputError` if its package is not installed."""
-    package, middle, message = name.split("/")
-    try:
-        return getattr(importlib.import_module(f"{package}.{middle}"), message)
-    except (ModuleNotFoundError, AttributeError):
-        debian = f"ros-jazzy-{package.replace('_', '-')}"
-        raise InputError("missing", f"{name} is not installed; source its workspace, or apt install {debian}") from None
 
 
 def recorded(topic: str, time: float, message: Any) -> Record:

@@ -10,7 +10,8 @@ from typing import Any
 from ament_index_python.packages import get_package_share_directory
 from rosidl_parser.definition import AbstractNestedType, NamespacedType
 
-from smartmesh_ros.tools.replay.bag import class_of, type_of
+from smartmesh_ros.node.inputs.optional_messages import class_of
+from smartmesh_ros.tools.replay.bag import type_of
 
 SEPARATOR = "=" * 80
 # The parts of a service's file, in order.

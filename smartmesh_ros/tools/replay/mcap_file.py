@@ -11,7 +11,8 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, Qo
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.tools.replay.bag import class_of, type_of
+from smartmesh_ros.node.inputs.optional_messages import class_of
+from smartmesh_ros.tools.replay.bag import type_of
 from smartmesh_ros.tools.replay.definitions import definition_of, hash_of
 from smartmesh_ros.tools.replay.transport import Publisher
 

@@ -22,7 +22,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.rasters import RasterConfig
 from smartmesh_ros.node.inputs.adapters import grid_map_raster
 from smartmesh_ros.node.inputs.checked_messages import message_from
-from smartmesh_ros.node.inputs.optional_messages import require_message
+from smartmesh_ros.node.inputs.optional_messages import class_of
 from smartmesh_ros.node.outputs.diagnostics import task_status
 from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
@@ -49,7 +49,7 @@ class TerrainScore(ParameterNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, SPECS, **node_options)
-        values, kind = self.values, require_message("grid_map_msgs", "GridMap", NAME)
+        values, kind = self.values, class_of("grid_map_msgs/msg/GridMap", NAME)
         self.scorer = Scorer(ScoreConfig(window=values["window"], longest_lag=values["longest_lag"]))
         self.score: Score | None = None
         self._refused, self._refusals, self._scored = "", Counter[str](), 0

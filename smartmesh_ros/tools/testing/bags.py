@@ -13,7 +13,8 @@ from typing import Any, Literal
 from rclpy.node import Node
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from smartmesh_ros.tools.replay.bag import Bag, Record, class_of, recorded
+from smartmesh_ros.node.inputs.optional_messages import class_of
+from smartmesh_ros.tools.replay.bag import Bag, Record, recorded
 from smartmesh_ros.tools.replay.mcap_file import VERSION, add_topic
 from smartmesh_ros.tools.testing.process import TIMEOUT
 

@@ -21,8 +21,9 @@ from smartmesh_msgs import msg
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.errors import suggestion
+from smartmesh_ros.node.inputs.optional_messages import class_of
 from smartmesh_ros.tools.messages import BEST, heightmap_message, points_of, pose_message
-from smartmesh_ros.tools.replay.bag import class_of, type_of
+from smartmesh_ros.tools.replay.bag import type_of
 from smartmesh_ros.tools.testing.process import START_TIMEOUT, TIMEOUT, Process
 
 COLLIDER = "/terrain_collider"

@@ -33,8 +33,9 @@ SAME_PENETRATION = 1.05
 
 
 def settings_to_try(given: Mapping[str, Any]) -> list[dict[str, float]]:
-    """Return the points of the grid, and the user's settings if they are none."""
-    found = [dict(zip(GRID, values, strict=True)) for values in product(*GRID.values())]
+    """Return the defaults, the other points of the grid, and the user's settings if they are none of these."""
+    grid = [dict(zip(GRID, values, strict=True)) for values in product(*GRID.values())]
+    found = [{**KNOWN}, *(values for values in grid if values != KNOWN)]
     own = own_settings(given)
     return found if own in found else [*found, own]
 
@@ -59,6 +60,11 @@ def measure_all(case: Case, jobs: int, show: Callable[[float], None]) -> list[Fi
         try:
             for measured in pool.map(measure, repeat(case), [*tried, SMALL_STEPS]):
                 found.append(measured)
+                if math.isinf(found[0][0].error):
+                    raise InputError(
+                        "bodies", "nothing can be measured here: no simulated body stayed over the ground; the "
+                        "parameter file's bodies.spawn or robot.description must put bodies over the maps"
+                    )  # fmt: skip
                 show(len(found) / (len(tried) + 1))
         except BrokenProcessPool:
             raise InputError("jobs", "a process ended before its setting was measured; see its output above") from None
@@ -73,11 +79,6 @@ def measure_all(case: Case, jobs: int, show: Callable[[float], None]) -> list[Fi
     for values, (figures, positions) in zip(tried, found, strict=True):
         apart = [math.dist(positions[name], end) for name, end in reference.items() if name in positions]
         points.append(replace(figures, values=values, deviation=float(np.median(apart)) if apart else math.nan))
-    if math.isinf(point_of(points, KNOWN).error):
-        raise InputError(
-            "bodies", "nothing can be measured here: no simulated body stayed over the ground; the parameter file's "
-            "bodies.spawn or robot.description must put bodies over the maps"
-        )  # fmt: skip
     return points
 
 

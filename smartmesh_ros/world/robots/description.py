@@ -85,7 +85,7 @@ def urdf_text(urdf: str) -> str:
             return path.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
         raise InputError("urdf", f"URDF file {urdf!r} cannot be read: {error}") from None
-    raise InputError("urdf", f"there is no URDF file {urdf[:200]!r}")
+    raise InputError("urdf", f"there is no URDF file {str(Path(urdf[:200]).absolute())!r}")
 
 
 def read_description(urdf: str) -> Description:

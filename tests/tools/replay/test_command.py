@@ -20,8 +20,8 @@ from rosgraph_msgs.msg import Clock
 from smartmesh_msgs.msg import Heightmap, TrackedBodyArray
 from smartmesh_msgs.srv import SpawnBody
 
+from smartmesh_ros.node.inputs.optional_messages import class_of
 from smartmesh_ros.tools.replay import cli
-from smartmesh_ros.tools.replay.bag import class_of
 from smartmesh_ros.tools.replay.cli import main
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, bags, executable, heightmap_message

@@ -12,6 +12,7 @@ import yaml
 from rcl_interfaces.srv import GetParameters
 from rclpy.parameter import parameter_value_to_python
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.replay.cli import INTERRUPTED
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, bags, heightmap_message
 from smartmesh_ros.tools.tune import cli, grid
@@ -99,6 +100,16 @@ def test_ground_that_is_not_followed_is_measured_as_penetration(tmp_path: Path) 
     assert kept.penetration < 0.5 * lagging.penetration
     assert kept.hover < 0.5 * lagging.hover
     assert kept.cost > 0.0 and kept.longest > 0.0 and positions.keys() == {"ball", "crate"}
+
+
+def test_where_nothing_can_be_measured_the_search_ends_with_the_first_setting(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(grid, "GRID", {"physics.rate": (60.0, 240.0), "physics.solver_residual": (1e-9,)})
+    case, shares = open_case(recorded(tmp_path / "bag"), {}, (), 0.2), list[float]()
+    with pytest.raises(InputError, match="no simulated body stayed over the ground"):
+        grid.measure_all(case, 1, shares.append)
+    assert not shares
 
 
 def test_ground_that_was_taken_away_is_not_measured(tmp_path: Path) -> None:
