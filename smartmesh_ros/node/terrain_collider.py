@@ -25,7 +25,6 @@ from smartmesh_ros.node.inputs.deck_inputs import DeckInputs
 from smartmesh_ros.node.inputs.terrain_inputs import TerrainInputs
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.publishing import Publishing
-from smartmesh_ros.node.outputs.transform_outputs import require_transforms
 from smartmesh_ros.node.parameters import specifications as parameters
 from smartmesh_ros.node.parameters.declaring import ParameterNode
 from smartmesh_ros.node.parameters.helping import answer
@@ -233,10 +232,6 @@ class Collider:
             except InputError as error:
                 self.refusals.add("soil.type", error)
 
-    def require_possible(self, settings: Settings) -> None:
-        """Raises `InputError` if the settings need a package that is missing."""
-        require_transforms(settings.publish.tf)
-
     def configure(self, settings: Settings, names: set[str]) -> None:
         """Replaces the settings, in which the parameters ``names`` have changed."""
         session = self.session
@@ -264,7 +259,7 @@ class TerrainCollider(ParameterNode, Collider):
 
     def require_together(self, new: Mapping[str, Any]) -> None:
         """Raise `InputError` if the settings with these ``new`` values of parameters are impossible."""
-        self.require_possible(parameters.current_settings(self, new))
+        parameters.current_settings(self, new)
 
     def create_service(self, *arguments: Any, **options: Any) -> Any:
         """Create a service like rclpy, with the introspection that the parameter gives it."""

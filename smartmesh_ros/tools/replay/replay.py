@@ -196,7 +196,6 @@ class Replay:
     def _set(self, values: Mapping[str, Any]) -> None:
         changed = {**self._values, **values}
         settings = settings_of(changed)
-        self.collider.require_possible(settings)
         self._values = changed
         self.collider.configure(settings, set(values))
 
