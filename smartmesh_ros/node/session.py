@@ -16,7 +16,7 @@ from rclpy.qos import QoSProfile
 
 from smartmesh_ros.errors import InputError, listed
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.node.endpoints import EndpointNames, OwnTopics
+from smartmesh_ros.node.endpoints import OwnTopics
 from smartmesh_ros.node.inputs.checked_messages import message_from
 from smartmesh_ros.node.inputs.conversions import RobotNames
 from smartmesh_ros.node.inputs.tracking import Tracking
@@ -67,7 +67,7 @@ class Session:
     threads. ``handled``: number of messages and calls so far. ``map_warning``: how maps are misused, empty = they are
     not. ``terrain_subscriptions``: subscriptions to terrain. ``topics``: the node's inputs and outputs. ``jumps``:
     number of jumps of tracked bodies, by topic. ``unstamped``: number of transforms without stamp, by topic.
-    ``source_clocks``: of inputs by the names of their sources. ``names``: names of the peer nodes.
+    ``source_clocks``: of inputs by the names of their sources.
     ``turns``: answers under way. ``files``: reads files and prepares robots. ``bases``: robots that
     drive, by name. ``lost``: why bodies were removed, by name, until a reset.
     """
@@ -86,7 +86,6 @@ class Session:
         self.subscriptions: list[Any] = []
         self.publishers: list[Any] = []
         self.topics = OwnTopics(node.resolve_topic_name, settings)
-        self.names = EndpointNames(clock.steady)
         self.terrain_subscriptions: list[Any] = []
         self.handled = 0
         self.refusals = Refusals(node.get_logger(), clock.steady)

@@ -213,7 +213,7 @@ class Diagnostics:
 
     def _ends(self) -> tuple[bytes, str, dict[str, Any]]:
         session, rivals = self._session, self._clock.rivals
-        incompatible = incompatible_peers(session.node, session.subscriptions, session.publishers, session.names)
+        incompatible = incompatible_peers(session.node, session.subscriptions, session.publishers)
         values: dict[str, Any] = {f"publishers of {topic}": count for topic, count in self._connections.items()}
         values |= {f"without stamp on {topic}": count for topic, count in sorted(session.unstamped.items())}
         sources = chain.from_iterable(clocks.items() for clocks in session.source_clocks)
