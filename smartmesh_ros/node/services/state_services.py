@@ -12,7 +12,6 @@ from typing import Any
 from smartmesh_msgs.srv import RestoreState, SaveState, StartEpisode
 
 from smartmesh_ros.errors import InputError, listed
-from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.soil.config import SoilType, soils_from
@@ -44,7 +43,6 @@ class StateServices:
         extra: dict[str, Any] = {
             "frame_id": self._session.frame_id, "waiting": [*initial.waiting], "described": bool(robot.urdf),
             "names": sorted(initial.names), "bases": bases,
-            "starts": {name: [*at.position, *at.orientation] for name, at in initial.starts.items()},
         }  # fmt: skip
         data = self._session.world.save(file, extra=extra)
         self._take(**_checked(**extra))
@@ -78,15 +76,13 @@ class StateServices:
 
 
 def _checked(
-    frame_id: str = "", waiting: Any = (), described: Any = False, bases: Any = (), names: Any = None, starts: Any = ()
+    frame_id: str = "", waiting: Any = (), described: Any = False, bases: Any = (), names: Any = None, **_: Any
 ) -> dict[str, Any]:
     """Return what was saved with a state, of the types that it must have. Raises errors of Python."""
     memories = {str(name): BaseMemory(*map(float, memory)) for name, memory in dict(bases).items()}
-    poses = {str(name): [*map(float, pose)] for name, pose in dict(starts).items()}
     return {
         "frame_id": str(frame_id), "waiting": [*map(str, waiting)], "described": bool(described), "bases": memories,
         "names": None if names is None else [*map(str, names)],
-        "starts": {name: BodyState((x, y, z), (a, b, c, w)) for name, (x, y, z, a, b, c, w) in poses.items()},
     }  # fmt: skip
 
 
