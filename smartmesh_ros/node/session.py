@@ -62,11 +62,10 @@ class Session:
 
     ``frame_id``: the terrain's frame, empty until a map sets it. ``last_map_time``: steady time of the last accepted
     terrain message [s], None before the first; ``deck_times``: of the last pose of each deck that follows a frame or an
-    odometry; ``maps``: number of accepted terrain messages. ``overtaken``: number of
-    maps that arrived after a map with a newer stamp, by topic. ``lock``: guards the world, for executors with several
+    odometry; ``maps``: number of accepted terrain messages. ``counts``: of what is
+    no refusal but told in the diagnostics, by its words there. ``lock``: guards the world, for executors with several
     threads. ``handled``: number of messages and calls so far. ``map_warning``: how maps are misused, empty = they are
-    not. ``terrain_subscriptions``: subscriptions to terrain. ``topics``: the node's inputs and outputs. ``jumps``:
-    number of jumps of tracked bodies, by topic. ``unstamped``: number of transforms without stamp, by topic.
+    not. ``terrain_subscriptions``: subscriptions to terrain. ``topics``: the node's inputs and outputs.
     ``source_clocks``: of inputs by the names of their sources.
     ``turns``: answers under way. ``files``: reads files and prepares robots. ``bases``: robots that
     drive, by name. ``lost``: why bodies were removed, by name, until a reset.
@@ -80,8 +79,7 @@ class Session:
         self.tracking = Tracking(self.world, settings.body_timeout, settings.max_velocity)
         self.bases = {entry.body: Base(self.world, entry.body, entry.config) for entry in settings.bases}
         self.robot_names = RobotNames(self.world, always=settings.robot_prefix)
-        self.jumps: Counter[str] = Counter()
-        self.unstamped: Counter[str] = Counter()
+        self.counts: Counter[str] = Counter()
         self.source_clocks: list[dict[str, StampClock]] = []
         self.subscriptions: list[Any] = []
         self.publishers: list[Any] = []
@@ -95,7 +93,6 @@ class Session:
         self.frame_id = settings.frame_id
         self.last_map_time: float | None = None
         self.deck_times: dict[str, float] = {}
-        self.overtaken: Counter[str] = Counter()
         self.maps = 0
         self.map_warning = ""
         self.turns = Turns()

@@ -129,7 +129,7 @@ class BodyInputs:
         for body, own in zip(bodies, parts, strict=True):
             jumps = [session.tracking.update(*part, time, session.clock.pace(), stated=body.stated) for part in own]
             if jump := next(filter(None, jumps), ""):
-                session.jumps[topic] += 1
+                session.counts[f"jumps on {topic}"] += 1
                 session.node.get_logger().warning(f"{topic}: {jump}", throttle_duration_sec=LOG_PERIOD)
 
     def _radius(self, body: BodyInput) -> float:
