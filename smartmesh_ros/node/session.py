@@ -212,10 +212,6 @@ class Session:
         """True before the first message of ``/clock``."""
         return self.clock.simulated and not self.clock.stamp_now()
 
-    def stamp_clock(self) -> StampClock:
-        """Return the clock of the stamps of a source that has sent none yet."""
-        return StampClock(lambda: self.pacer.interval)
-
     @property
     def simulates_stamps(self) -> bool:
         """True if stamps are simulated times, of this node or of another."""

@@ -206,10 +206,10 @@ class Collider:
         with session.lock:
             self._terrain.forget_stamps()
             self._transforms.forget_stamps()
-            self._peers.forget_stamps()
             for clocks in session.source_clocks:
                 clocks.clear()
-            session.tracking.restart(session.clock.pace())
+            for followed in (session.tracking, self._peers):
+                followed.restart(session.clock.pace())
             self.pacer.restart()
 
     def _on_terrain(self) -> None:

@@ -20,7 +20,7 @@ class SourceClocks(dict[str, StampClock]):
 
     def of(self, source: str) -> StampClock:
         """Return the clock of a source; a new one if no message of it was accepted yet."""
-        return self.get(source) or self._session.stamp_clock()
+        return self.get(source) or StampClock(lambda: self._session.pacer.interval)
 
     @contextmanager
     def placing(
