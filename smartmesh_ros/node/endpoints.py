@@ -63,9 +63,7 @@ class OwnTopics:
             raise InputError("own_topic", words)
 
 
-def incompatible_peers(
-    node: Transport, subscriptions: Iterable[Any], publishers: Iterable[Any]
-) -> dict[str, str]:
+def incompatible_peers(node: Transport, subscriptions: Iterable[Any], publishers: Iterable[Any]) -> dict[str, str]:
     """Return a description of the peers whose QoS is incompatible with the node's, by topic.
 
     Costs two counts per topic if all peers are connected. A peer that is about to connect is not reported, because the

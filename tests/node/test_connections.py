@@ -108,8 +108,8 @@ def endpoint(gid: int, name: tuple[str, str] = UNNAMED, qos: QoSProfile = BEST_E
 
 
 def test_incompatible_peers_are_told_of_by_name() -> None:
-    """A node hears maps of two publishers. The second one's name is yet to come, or never will, as of bridges that speak
-    DDS without ROS."""
+    """A node hears maps of two publishers. The second one's name is yet to come, or never will, as of bridges that
+    speak DDS without ROS."""
     publishers = [endpoint(1, ("mapper", "/robot")), endpoint(2)]
     graph: Any = SimpleNamespace(
         get_name=lambda: "terrain_collider",

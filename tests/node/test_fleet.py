@@ -14,8 +14,9 @@ from smartmesh_msgs.srv import RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.fleet import command, layout
+from smartmesh_ros.node.fleet import layout
 from smartmesh_ros.node.fleet.front import Front
+from smartmesh_ros.tools import fleet as fleet_command
 from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
 from tests.node.shared import BALL, UDP_ONLY, Logged, fed, made_with, stamped
 
@@ -148,7 +149,7 @@ def test_peers_that_simulate_otherwise_are_refused_by_reason(logged: Logged) -> 
 
 def test_a_fleet_of_no_nodes_is_refused_and_not_waited_for(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
-        command.main(["--nodes", "0"])
+        fleet_command.main(["--nodes", "0"])
     assert end.value.code == 2 and "'0' is no whole number from 1" in capsys.readouterr().err
 
 

@@ -47,15 +47,15 @@ class AskedFrame:
         """From the frame to the terrain's frame (3, 3)."""
         return np.array([rotate(self.transform.rotation, axis) for axis in (X, Y, Z)]).T
 
-    @np.errstate(all="ignore")  # numbers that are too large are refused afterwards
     def points_w(self, points: FloatArray) -> FloatArray:
         """Return points (N, 3) [m] in the terrain's frame."""
-        return self.vectors_w(points) + np.array(self.transform.translation)
+        with np.errstate(all="ignore"):  # numbers that are too large are refused afterwards
+            return np.asarray(points @ self.rotation.T + self.transform.translation)
 
-    @np.errstate(all="ignore")
     def vectors_w(self, vectors: FloatArray) -> FloatArray:
         """Return vectors (N, 3) in the terrain's frame."""
-        return np.asarray(vectors @ self.rotation.T)
+        with np.errstate(all="ignore"):
+            return np.asarray(vectors @ self.rotation.T)
 
     def vectors(self, vectors_w: FloatArray) -> FloatArray:
         """Return vectors (N, 3) of the terrain's frame in this frame."""
