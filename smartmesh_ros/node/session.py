@@ -98,7 +98,7 @@ class Session:
         self.turns = Turns()
         self.files = FileWork()
         self.lost: dict[str, str] = {}
-        self._ticked = math.inf
+        self._seen, self._stalled = math.inf, 0.0
 
     @property
     def marker_namespace(self) -> str:
@@ -196,12 +196,13 @@ class Session:
         conclude(response, outcome)
         return response
 
-    def stall(self) -> float:
-        """Return by how much more than it can catch up with the loop was held up since the last call [s]: that does not
-        count as silence of peers and sources, whose messages wait to be read."""
-        now, before = self.clock.pace(), self._ticked
-        self._ticked = now
-        return max(now - before - self.pacer.most_catch_up, 0.0)
+    def awake(self) -> float:
+        """Return the loop's time [s] without that in which it was held up, by more than it can catch up with: that is
+        no silence of peers and sources, whose messages wait to be read."""
+        now, before = self.clock.pace(), self._seen
+        self._seen = now
+        self._stalled += max(now - before - self.pacer.most_catch_up, 0.0)
+        return now - self._stalled
 
     def clock_now(self) -> float:
         """Return the time to compare stamps with [s]: simulated time if the node publishes it, else its clock."""

@@ -87,11 +87,10 @@ class Collider:
         session = self.session
         with session.lock:
             with session.enduring("inputs"):
-                stall = session.stall()
                 self._transforms.refresh()
                 self._decks.refresh()
-                self._peers.refresh(stall)
-                self._bodies.expire(stall)
+                self._peers.refresh()
+                self._bodies.expire()
             with session.enduring("physics"):
                 if session.paused:
                     session.world.update()
@@ -182,7 +181,7 @@ class Collider:
     def take_restored(self) -> None:
         """Goes on after the world was replaced by another one."""
         session = self.session
-        session.tracking.take(session.clock.pace())
+        session.tracking.take(session.awake())
         session.lost.clear()
         self._decks.take_restored()
         self._stand_on_soil()
@@ -209,7 +208,7 @@ class Collider:
             for clocks in session.source_clocks:
                 clocks.clear()
             for followed in (session.tracking, self._peers):
-                followed.restart(session.clock.pace())
+                followed.restart(session.awake())
             self.pacer.restart()
 
     def _on_terrain(self) -> None:

@@ -120,7 +120,7 @@ def topic_of(peer: str) -> str:
 
 
 class _Peer:
-    """Another node. ``heard``: time of its last accepted message on the loop's clock [s], None = not heard.
+    """Another node. ``heard``: time of its last accepted message, as of `Session.awake` [s], None = not heard.
     ``refused``: reason of its last refusal."""
 
     def __init__(self, subscription: Any) -> None:
@@ -144,13 +144,10 @@ class PeerBodies:
         for name in self._named:
             self._listen(name)
 
-    def refresh(self, stall: float) -> None:
-        """Remove the bodies of peers that timed out, and search for new peers once per `DISCOVERY_PERIOD`; ``stall``
-        [s] as of `Session.stall`."""
-        now = self._session.clock.pace()
+    def refresh(self) -> None:
+        """Remove the bodies of peers that timed out, and search for new peers once per `DISCOVERY_PERIOD`."""
+        now = self._session.awake()
         for name, peer in self._peers.items():
-            if peer.heard is not None and stall:
-                peer.heard = min(peer.heard + stall, now)
             if peer.heard is not None and now - peer.heard > self._session.settings.body_timeout:
                 peer.heard = None
                 self._clocks.pop(name, None)
@@ -214,7 +211,7 @@ class PeerBodies:
         except InputError as error:
             peer.refused = f"refused: {error}"
             raise
-        peer.heard, peer.refused = session.clock.pace(), ""
+        peer.heard, peer.refused = session.awake(), ""
         for objection in objections:
             session.refusals.add(topic_of(name), objection)
 

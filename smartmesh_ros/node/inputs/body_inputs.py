@@ -67,11 +67,10 @@ class BodyInputs:
             session.listen(Twist, f"cmd_vel/{name}", drive, BEST_EFFORT)
             session.listen(TwistStamped, f"cmd_vel_stamped/{name}", partial(self._on_stamped, drive), BEST_EFFORT)
 
-    def expire(self, stall: float) -> None:
-        """Removes the tracked bodies without a pose for the time-out, and logs them, at most once a `LOG_PERIOD`;
-        ``stall`` [s] as of `Session.stall`."""
+    def expire(self) -> None:
+        """Removes the tracked bodies without a pose for the time-out, and logs them, at most once a `LOG_PERIOD`."""
         session, gone = self._session, self._gone
-        gone += session.tracking.expire(session.clock.pace(), stall)
+        gone += session.tracking.expire(session.awake())
         if gone and session.clock.steady() - self._told >= LOG_PERIOD:
             names = listed([*map(repr, gone)])
             words = f"no pose came within bodies.timeout = {session.settings.body_timeout:g} s: removed {names}"
@@ -127,7 +126,7 @@ class BodyInputs:
         for part in chain.from_iterable(parts):
             require_possible(part.name, part.state)
         for body, own in zip(bodies, parts, strict=True):
-            jumps = [session.tracking.update(*part, time, session.clock.pace(), stated=body.stated) for part in own]
+            jumps = [session.tracking.update(*part, time, session.awake(), stated=body.stated) for part in own]
             if jump := next(filter(None, jumps), ""):
                 session.counts[f"jumps on {topic}"] += 1
                 session.node.get_logger().warning(f"{topic}: {jump}", throttle_duration_sec=LOG_PERIOD)
