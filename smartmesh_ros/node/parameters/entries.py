@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from functools import partial
 from typing import Any, Literal, NamedTuple, TypeVar
@@ -13,7 +14,7 @@ import yaml
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.validate_topic_name import validate_topic_name
 
-from smartmesh_ros.errors import InputError, is_number, require_body_name, suggestion
+from smartmesh_ros.errors import InputError, require_body_name, suggestion
 from smartmesh_ros.ground.quaternions import X, Y, Z, about, product
 from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Shape, Solid, shape_from
 from smartmesh_ros.ground.state import Quaternion, Vector
@@ -208,19 +209,20 @@ def _deck_entry(found: dict[str, Any], _: int) -> DeckEntry:
     thickness = found.get("thickness", math.inf)
     if type(thickness) not in (int, float) or not thickness > 0.0:
         raise InputError("parameter", "the thickness is a number of metres above zero")
-    roll, pitch, yaw = _three(found.get("rpy", [0.0, 0.0, 0.0]), "rpy")
+    roll, pitch, yaw = finite(found.get("rpy", [0.0, 0.0, 0.0]), 3, "rpy must be three finite numbers")
     orientation = product(product(about(Z, yaw), about(Y, pitch)), about(X, roll))
-    at = _three(found.get("at", [0.0, 0.0, 0.0]), "at")
-    source = sources[0]
-    return DeckEntry(names["deck"], source, names[source], names.get("link", ""), float(thickness), at, orientation)
+    x, y, z = finite(found.get("at", [0.0, 0.0, 0.0]), 3, "at must be three finite numbers")
+    source, link = sources[0], names.get("link", "")
+    return DeckEntry(names["deck"], source, names[source], link, float(thickness), (x, y, z), orientation)
 
 
-def _three(values: Any, what: str) -> Vector:
-    good = isinstance(values, list) and [is_number(value) and math.isfinite(value) for value in values] == [True] * 3
-    if not good:
-        raise InputError("parameter", f"{what} must be three finite numbers")
-    x, y, z = map(float, values)
-    return x, y, z
+def finite(values: Any, count: int, words: str) -> list[float]:
+    """Return so many finite numbers; raises `InputError` with ``words`` if they are none."""
+    with suppress(TypeError, ValueError, OverflowError):
+        numbers = [math.nan if isinstance(value, bool) else float(value) for value in values]
+        if isinstance(values, list) and len(numbers) == count and all(map(math.isfinite, numbers)):
+            return numbers
+    raise InputError("parameter", words)
 
 
 def shape_in(found: Mapping[str, Any]) -> Shape:
