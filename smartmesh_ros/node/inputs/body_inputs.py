@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from functools import partial
 from itertools import chain
 
@@ -27,7 +26,7 @@ from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.parameters.entries import topic_name
 from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.session import Session, require_name
-from smartmesh_ros.node.timing.stamps import Placed, stamp_seconds
+from smartmesh_ros.node.timing.stamps import stamp_seconds
 from smartmesh_ros.world.base import Base
 from smartmesh_ros.world.tracked_robot import TrackedPart, TrackedRobot
 
@@ -41,7 +40,7 @@ class BodyInputs:
 
     def __init__(self, session: Session, transforms: TransformInput) -> None:
         self._session, self.transforms = session, transforms
-        self._clocks = SourceClocks(session)
+        self._clocks = SourceClocks(session, lambda age: session.clock.pace() - age)
         self._pose_array_names: set[str] = set()
         self._gone: list[str] = []  # bodies that timed out, and are not logged yet
         self._told = -LOG_PERIOD  # steady time of that line [s]
@@ -98,7 +97,7 @@ class BodyInputs:
         session = self._session
         stamp = stamp_seconds(header.stamp)
         transform = self.transforms.to_terrain(header.frame_id, stamp)
-        with self._placed(topic, stamp) as placed:
+        with self._clocks.placing(topic, stamp) as placed:
             if transform is not None:
                 bodies = [body._replace(state=transform.apply(body.state)) for body in bodies]
             for body in bodies:
@@ -115,7 +114,7 @@ class BodyInputs:
             raise InputError("own_topic", f"{words}; a body that follows it would overlap the simulated one")
         if restarted:
             self._clocks.pop(source, None)
-        with self._placed(source, stamp) as placed:
+        with self._clocks.placing(source, stamp) as placed:
             self._set(SOURCE, [BodyInput(name, BodyState(*pose), 0.0)], placed.time)
 
     def _set(self, topic: str, bodies: list[BodyInput], time: float) -> None:
@@ -145,10 +144,6 @@ class BodyInputs:
         if body.stated or any(body.state.linear) or any(body.state.angular):
             return parts
         return [part._replace(state=BodyState(part.state.position, part.state.orientation)) for part in parts]
-
-    def _placed(self, source: str, stamp: float | None) -> AbstractContextManager[Placed]:
-        """Give the block a stamp [s] of a source in the loop's time; see `SourceClocks.placing`."""
-        return self._clocks.placing(source, stamp, time_at=lambda age: self._session.clock.pace() - age)
 
     def _on_joint_commands(self, message: JointState) -> None:
         world, names = self._session.world, self._session.robot_names
