@@ -14,7 +14,6 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.transport import LATCHED, Transport
 
 # Name in the ROS graph of a node whose name has not arrived.
@@ -40,11 +39,10 @@ class OwnTopics:
     ``taken``, ``published``: full name -> name in the node or its parameters.
     ``resolve``: returns the full, remapped name of a topic."""
 
-    def __init__(self, resolve: Callable[[str], str], settings: Settings) -> None:
+    def __init__(self, resolve: Callable[[str], str]) -> None:
         self.taken: dict[str, str] = {}
         self.published: dict[str, str] = {}
         self._resolve = resolve
-        self._bodies = {source: name for name, source in (*settings.poses, *settings.odometry)}
 
     def register(self, given: str, names: dict[str, str]) -> None:
         """Enter an input into ``taken`` before its subscription, or an output into ``published`` before its publisher;
@@ -55,12 +53,8 @@ class OwnTopics:
             raise InputError("topic", f"{given!r} is no topic: {str(error).partition(', at ')[0]}") from None
         names[topic] = given
         if topic in self.taken and topic in self.published:
-            taken, advice = self.taken[topic], "remap one of them elsewhere"
-            if taken in self._bodies:
-                taken = f"{taken!r} of body {self._bodies[taken]!r}"
-                advice = "give the body a topic of its own, such as ~/tracked_odometry remapped to the real robot's"
-            words = f"the input {taken} is {topic}, which this node publishes as {self.published[topic]}; {advice}"
-            raise InputError("own_topic", words)
+            words = f"the input {self.taken[topic]!r} is {topic}, which this node publishes as {self.published[topic]}"
+            raise InputError("own_topic", f"{words}; remap one of them elsewhere, or choose another input")
 
 
 def incompatible_peers(node: Transport, subscriptions: Iterable[Any], publishers: Iterable[Any]) -> dict[str, str]:

@@ -83,7 +83,7 @@ class Session:
         self.source_clocks: list[dict[str, StampClock]] = []
         self.subscriptions: list[Any] = []
         self.publishers: list[Any] = []
-        self.topics = OwnTopics(node.resolve_topic_name, settings)
+        self.topics = OwnTopics(node.resolve_topic_name)
         self.terrain_subscriptions: list[Any] = []
         self.handled = 0
         self.refusals = Refusals(node.get_logger(), clock.steady)

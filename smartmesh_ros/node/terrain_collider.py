@@ -77,10 +77,6 @@ class Collider:
             serve_simulation_interfaces(session, self)
         session.clock.on_set_back(self._forget_stamps)
 
-    @property
-    def handled(self) -> int:
-        return self.session.handled
-
     def tick(self, skipped: int = 0) -> None:
         """Runs one physics step (none while paused), after ``skipped`` ones in which simulated time alone advances, and
         publishes the outputs that are due."""

@@ -55,11 +55,11 @@ class BodyInputs:
         session.listen(JointState, "joint_commands", self._on_joint_commands, BEST_EFFORT)
         if self._robots:
             session.listen(JointState, "tracked_joint_states", self._on_tracked_joints, BEST_EFFORT)
-        with naming("bodies.poses"):
-            for name, topic in session.settings.poses:
+        for name, topic in session.settings.poses:
+            with naming(f"bodies.poses, body {name!r}"):
                 session.listen(PoseStamped, topic, partial(self._on_pose, name, topic), BEST_EFFORT, private=False)
-        with naming("bodies.odometry"):
-            for name, topic in session.settings.odometry:
+        for name, topic in session.settings.odometry:
+            with naming(f"bodies.odometry, body {name!r}"):
                 session.listen(Odometry, topic, partial(self._on_odometry, name, topic), BEST_EFFORT, private=False)
         for entry in session.settings.bases:
             drive, name = partial(self._drive, session.bases[entry.body]), topic_name(entry.body)

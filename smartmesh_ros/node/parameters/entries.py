@@ -18,6 +18,7 @@ from smartmesh_ros.errors import InputError, require_body_name, suggestion
 from smartmesh_ros.ground.quaternions import X, Y, Z, about, product
 from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Shape, Solid, shape_from
 from smartmesh_ros.ground.state import Quaternion, Vector
+from smartmesh_ros.node.parameters.declaring import Spec, checked_value
 from smartmesh_ros.terrain.height_scan import HeightScan
 from smartmesh_ros.world.base_config import BaseConfig
 from smartmesh_ros.world.imu import ImuConfig
@@ -118,17 +119,13 @@ def output_entries(parameter: str, texts: Sequence[str]) -> tuple[OutputEntry, .
 
 
 def _checked(key: str, value: Any, usual: Any) -> Any:
-    """Return the value of a key with this default, checked for its type and bounds."""
-    if isinstance(usual, bool):
-        good, wanted = type(value) is bool, "true or false"
-    elif isinstance(usual, float):
-        good = type(value) in (int, float) and math.isfinite(value) and RATES[0] <= value <= RATES[1]
-        wanted = f"{RATES[0]:g} to {RATES[1]:g} Hz"
-    else:
-        good, wanted = type(value) in (str, int) and (value != "" or not usual), "a text" + ", not empty" * bool(usual)
-    if not good:
-        raise InputError("parameter", f"{key} must be {wanted}")
-    return type(usual)(value)
+    """Return the value of a key with this default, checked as one of a parameter is; a text may be a number, and is
+    empty only if the default is."""
+    text = isinstance(usual, str) and type(value) is int
+    checked = checked_value(Spec(key, usual, "", *RATES), str(value) if text else value)
+    if usual and checked == "":
+        raise InputError("parameter", f"{key} must not be empty")
+    return checked
 
 
 class ShapeEntry(NamedTuple):
