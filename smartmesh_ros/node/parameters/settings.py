@@ -59,9 +59,13 @@ def _source(parameter: str, text: str) -> BodySource:
 
 
 def peer_names(entries: Sequence[str]) -> tuple[str, ...]:
-    """Return the entries of ``bodies.peers`` without duplicates: ``auto`` alone, or full node names. Raises
-    `InputError`."""
-    return (AUTO,) if {*entries} == {AUTO} else full_names("bodies.peers", entries)
+    """Return the entries of ``bodies.peers`` without duplicates. Raises `InputError` if an entry is no full node name,
+    or if ``auto`` is not the only entry."""
+    if AUTO in entries:
+        if set(entries) != {AUTO}:
+            raise InputError("parameter", f"bodies.peers is {list(entries)}; it must be 'auto' alone, or names")
+        return (AUTO,)
+    return full_names("bodies.peers", entries)
 
 
 def full_names(parameter: str, entries: Sequence[str]) -> tuple[str, ...]:
