@@ -213,7 +213,8 @@ class Diagnostics:
         session, rivals = self._session, self._clock.rivals
         incompatible = incompatible_peers(session.node, session.subscriptions, session.publishers)
         values: dict[str, Any] = {f"publishers of {topic}": count for topic, count in self._connections.items()}
-        sources = chain.from_iterable(clocks.items() for clocks in session.source_clocks)
+        # In the reverse order, because those of peers, who may be many, were made first.
+        sources = chain.from_iterable(clocks.items() for clocks in reversed(session.source_clocks))
         ages = islice(((source, clock.age) for source, clock in sources if clock.age is not None), MOST_AGES)
         values |= {f"age of stamps on arrival, {source} [s]": f"{age:.3f}" for source, age in ages}
         values |= {f"incompatible QoS on {topic}": peers for topic, peers in incompatible.items()}
