@@ -197,11 +197,11 @@ class Session:
         return response
 
     def awake(self) -> float:
-        """Return the loop's time [s] without that in which it was held up, by more than it can catch up with: that is
-        no silence of peers and sources, whose messages wait to be read."""
+        """Return the loop's time [s] without that in which it was held up, by more than a period and than it can catch
+        up with: that is no silence of peers and sources, whose messages wait to be read."""
         now, before = self.clock.pace(), self._seen
         self._seen = now
-        self._stalled += max(now - before - self.pacer.most_catch_up, 0.0)
+        self._stalled += max(now - before - max(self.pacer.most_catch_up, self.pacer.period), 0.0)
         return now - self._stalled
 
     def clock_now(self) -> float:
