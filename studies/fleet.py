@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 import rclpy
 from matplotlib.figure import Figure
-from rclpy.task import Future
 from smartmesh_msgs.msg import Timing
 
-from smartmesh_ros.node.fleet.command import FleetWatcher
-from smartmesh_ros.node.fleet.layout import commands, node_names
+from smartmesh_ros.node.fleet.layout import commands, front_of, node_names
+from smartmesh_ros.tools.client.remote import Remote
+from smartmesh_ros.tools.fleet import TIMEOUT, balls, wait_for_nodes
 from studies.load.processes import Usage
 from studies.pages import fill, short, table
 
@@ -34,8 +34,8 @@ NOBODY = "/nobody"  # a peer that is never heard
 Timings = dict[str, list[Timing]]  # by node
 
 
-def balls(count: int, first: int) -> Iterator[tuple[str, float, float, float]]:
-    """Yield ``count`` balls (name, x, y, z) [m], numbered from ``first`` on: one after the other in each quarter."""
+def places(count: int, first: int) -> Iterator[tuple[str, float, float, float]]:
+    """Yield ``count`` places (name, x, y, z) [m], numbered from ``first`` on: one after the other in each quarter."""
     for number in range(first, first + count):
         quarter, place = number % 4, number // 4
         x, y = (APART * (index + 0.5) for index in (place % SIDE, place // SIDE))
@@ -50,25 +50,25 @@ def capacity(nodes: int, *, meet: bool) -> dict[str, Any]:
     alone = {} if meet else {"bodies.peers": [NOBODY]}
     parameters = {"bodies.timeout": 20.0, **alone}
     runs: list[dict[str, float]] = []
-    with site(nodes, front, parameters) as (watcher, timings, machines):
+    with site(nodes, front, parameters) as (remote, timings, machines):
         count, added = 0, START
         while count < MOST and (not runs or runs[-1]["real_time"] >= REAL_TIME - 0.05):
-            watcher.spawn_balls(balls(added, count), 0.2)
+            remote.call("spawn_bodies", bodies=balls(places(added, count), 0.2))
             count, added = count + added, MORE
-            rclpy.spin_until_future_complete(watcher, Future(), timeout_sec=2.0)
-            runs.append({"bodies": count, **measure(watcher, timings, machines)})
+            remote.spin(2.0)
+            runs.append({"bodies": count, **measure(remote, timings, machines)})
             figures = ", ".join(f"{name} {figure:.3g}" for name, figure in runs[-1].items())
             print(f"{nodes} nodes{'' if meet else ' by themselves'}: {figures}", flush=True)
     return {"nodes": nodes, "meet": meet, "runs": runs, "carried": carried(runs)}
 
 
-def measure(watcher: FleetWatcher, timings: Timings, machines: list["Machine"]) -> dict[str, float]:
+def measure(remote: Remote, timings: Timings, machines: list["Machine"]) -> dict[str, float]:
     """Run a fleet; return the slowest node's real-time factor, and the maximum processor time of a node for a simulated
     second [s], which hardly depends on other load."""
     for heard in timings.values():
         heard.clear()
     before, start = np.array([machine.usage.cpu() for machine in machines]), monotonic()
-    rclpy.spin_until_future_complete(watcher, Future(), timeout_sec=SECONDS)
+    remote.spin(SECONDS)
     span, factors = monotonic() - start, []
     spent = np.array([machine.usage.cpu() for machine in machines]) - before
     for heard in timings.values():
@@ -181,24 +181,24 @@ def _ip(command: str) -> None:
 @contextmanager
 def site(
     count: int, front: dict[str, Any], parameters: dict[str, Any]
-) -> Iterator[tuple[FleetWatcher, Timings, list[Machine]]]:
+) -> Iterator[tuple[Remote, Timings, list[Machine]]]:
     """Run a fleet of ``count`` nodes, with parameters of the front and the nodes, whose processes are on a machine of
     their own each: the source of terrain, the front, and the nodes. It begins when the front hears all nodes; yields
     what hears it, the timings of each node, and the machines of the nodes."""
     with tempfile.TemporaryDirectory() as name, ExitStack() as stack:
         rclpy.init()
         stack.callback(rclpy.try_shutdown)
-        watcher, machines, folder = FleetWatcher(), list[Machine](), Path(name)
-        stack.callback(watcher.destroy_node)
+        remote, machines, folder = Remote(front_of(), TIMEOUT), list[Machine](), Path(name)
+        stack.callback(remote.close)
         timings: Timings = {node: [] for node in node_names(count)}
         for node, heard in timings.items():
-            watcher.create_subscription(Timing, f"{node}/timing", heard.append, 10)
+            remote.node.create_subscription(Timing, f"{node}/timing", heard.append, 10)
         try:
             for number, (process, command) in enumerate(commands(folder, count, front, parameters).items()):
                 machines.append(Machine(number, command, folder / f"{process}.txt"))
                 stack.callback(machines[-1].close)
-            watcher.wait_for(lambda: watcher.front.get("") == f"{count} nodes", "fleet")
-            yield watcher, timings, machines[-count:]
+            wait_for_nodes(remote, count)
+            yield remote, timings, machines[-count:]
         except BaseException:
             for log in sorted(folder.glob("*.txt")):
                 print(f"--- {log.name}\n{log.read_text(errors='replace')[-1500:]}", flush=True)

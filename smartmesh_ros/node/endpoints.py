@@ -8,48 +8,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from itertools import product
-from time import monotonic
 from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import QoSCompatibility, qos_check_compatible
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.transport import LATCHED, Transport
 
 # Name in the ROS graph of a node whose name has not arrived.
 UNKNOWN = "_NODE_NAME_UNKNOWN_"
-# Time without a name after which an endpoint counts as a program without ROS [s].
-NAME_TIMEOUT = 5.0
 NAMELESS = "a DDS participant without a ROS name"
-# Most nameless endpoints to remember; a higher number costs memory only.
-MOST_REMEMBERED = 1000
 
 
-class EndpointNames:
-    """Looks up full node names, and stores when each nameless endpoint was first seen, on the clock ``now`` [s]."""
-
-    def __init__(self, now: Callable[[], float] = monotonic) -> None:
-        self._now = now
-        self._first_seen: dict[tuple[int, ...], float] = {}
-
-    def of(self, endpoint: Any) -> str | None:
-        """Return the full node name of a `TopicEndpointInfo`; None while the name may still arrive."""
-        key = tuple(endpoint.endpoint_gid)
-        if UNKNOWN not in (endpoint.node_name, endpoint.node_namespace):
-            self._first_seen.pop(key, None)
-            return f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name}"
-        if len(self._first_seen) >= MOST_REMEMBERED:
-            self._first_seen.clear()
-        waited = self._now() - self._first_seen.setdefault(key, self._now())
-        return NAMELESS if waited > NAME_TIMEOUT else None
-
-    def of_publishers(self, node: Transport, topics: Iterable[str]) -> list[str] | None:
-        """Return the distinct names of the nodes that publish on ``topics``, as ``node`` sees them, sorted; None while
-        one of them may still arrive."""
-        names = {self.of(peer) for topic in topics for peer in node.get_publishers_info_by_topic(topic)}
-        return None if None in names else sorted(name for name in names if name is not None)
+def names_of(endpoints: Iterable[Any]) -> list[str]:
+    """Return the distinct full names of the nodes of some `TopicEndpointInfo`, sorted; `NAMELESS` for those whose name
+    has not arrived, or never will."""
+    return sorted({
+        NAMELESS
+        if UNKNOWN in (one.node_name, one.node_namespace)
+        else f"{one.node_namespace.rstrip('/')}/{one.node_name}"
+        for one in endpoints
+    })  # fmt: skip
 
 
 class OwnTopics:
@@ -59,11 +39,10 @@ class OwnTopics:
     ``taken``, ``published``: full name -> name in the node or its parameters.
     ``resolve``: returns the full, remapped name of a topic."""
 
-    def __init__(self, resolve: Callable[[str], str], settings: Settings) -> None:
+    def __init__(self, resolve: Callable[[str], str]) -> None:
         self.taken: dict[str, str] = {}
         self.published: dict[str, str] = {}
         self._resolve = resolve
-        self._bodies = {source: name for name, source in (*settings.poses, *settings.odometry)}
 
     def register(self, given: str, names: dict[str, str]) -> None:
         """Enter an input into ``taken`` before its subscription, or an output into ``published`` before its publisher;
@@ -74,21 +53,15 @@ class OwnTopics:
             raise InputError("topic", f"{given!r} is no topic: {str(error).partition(', at ')[0]}") from None
         names[topic] = given
         if topic in self.taken and topic in self.published:
-            taken, advice = self.taken[topic], "remap one of them elsewhere"
-            if taken in self._bodies:
-                taken = f"{taken!r} of body {self._bodies[taken]!r}"
-                advice = "give the body a topic of its own, such as ~/tracked_odometry remapped to the real robot's"
-            words = f"the input {taken} is {topic}, which this node publishes as {self.published[topic]}; {advice}"
-            raise InputError("own_topic", words)
+            words = f"the input {self.taken[topic]!r} is {topic}, which this node publishes as {self.published[topic]}"
+            raise InputError("own_topic", f"{words}; remap one of them elsewhere, or choose another input")
 
 
-def incompatible_peers(
-    node: Transport, subscriptions: Iterable[Any], publishers: Iterable[Any], names: EndpointNames
-) -> dict[str, str]:
+def incompatible_peers(node: Transport, subscriptions: Iterable[Any], publishers: Iterable[Any]) -> dict[str, str]:
     """Return a description of the peers whose QoS is incompatible with the node's, by topic.
 
     Costs two counts per topic if all peers are connected. A peer that is about to connect is not reported, because the
-    policies themselves are compared. A peer is left out until its name has arrived.
+    policies themselves are compared.
     """
     heard = ((end.topic_name, end.get_publisher_count(), node.count_publishers) for end in subscriptions)
     told = ((end.topic_name, end.get_subscription_count(), node.count_subscribers) for end in publishers)
@@ -100,7 +73,8 @@ def incompatible_peers(
         for pair in ends:
             peers = [end for end in pair if (end.node_name, end.node_namespace) != own]
             compatible, reason = qos_check_compatible(*(end.qos_profile for end in pair))
-            if len(peers) == 1 and compatible == QoSCompatibility.ERROR and (name := names.of(peers[0])) is not None:
+            if len(peers) == 1 and compatible == QoSCompatibility.ERROR:
+                [name] = names_of(peers)
                 found.setdefault(topic, []).append(f"{name}: {reason.replace('ERROR: ', '').strip('; ')}")
     return {topic: "; ".join(peers) for topic, peers in found.items()}
 

@@ -155,9 +155,9 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
 def _handle_some(executor: Executor, node: Any) -> None:
     """Handles up to `MOST_WHEN_LATE` waiting messages; stops at the first empty call, because calls are expensive."""
     for _ in range(MOST_WHEN_LATE):
-        handled = node.handled
+        handled = node.session.handled
         _handle(executor, node.refusals, 0.0)
-        if node.handled == handled:
+        if node.session.handled == handled:
             return
 
 

@@ -16,7 +16,7 @@ from rclpy.qos import QoSProfile
 
 from smartmesh_ros.errors import InputError, listed
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.node.endpoints import EndpointNames, OwnTopics
+from smartmesh_ros.node.endpoints import OwnTopics
 from smartmesh_ros.node.inputs.checked_messages import message_from
 from smartmesh_ros.node.inputs.conversions import RobotNames
 from smartmesh_ros.node.inputs.tracking import Tracking
@@ -62,12 +62,11 @@ class Session:
 
     ``frame_id``: the terrain's frame, empty until a map sets it. ``last_map_time``: steady time of the last accepted
     terrain message [s], None before the first; ``deck_times``: of the last pose of each deck that follows a frame or an
-    odometry; ``maps``: number of accepted terrain messages. ``overtaken``: number of
-    maps that arrived after a map with a newer stamp, by topic. ``lock``: guards the world, for executors with several
+    odometry; ``maps``: number of accepted terrain messages. ``counts``: of what is
+    no refusal but told in the diagnostics, by its words there. ``lock``: guards the world, for executors with several
     threads. ``handled``: number of messages and calls so far. ``map_warning``: how maps are misused, empty = they are
-    not. ``terrain_subscriptions``: subscriptions to terrain. ``topics``: the node's inputs and outputs. ``jumps``:
-    number of jumps of tracked bodies, by topic. ``unstamped``: number of transforms without stamp, by topic.
-    ``source_clocks``: of inputs by the names of their sources. ``names``: names of the peer nodes.
+    not. ``terrain_subscriptions``: subscriptions to terrain. ``topics``: the node's inputs and outputs.
+    ``source_clocks``: of inputs by the names of their sources.
     ``turns``: answers under way. ``files``: reads files and prepares robots. ``bases``: robots that
     drive, by name. ``lost``: why bodies were removed, by name, until a reset.
     """
@@ -80,13 +79,11 @@ class Session:
         self.tracking = Tracking(self.world, settings.body_timeout, settings.max_velocity)
         self.bases = {entry.body: Base(self.world, entry.body, entry.config) for entry in settings.bases}
         self.robot_names = RobotNames(self.world, always=settings.robot_prefix)
-        self.jumps: Counter[str] = Counter()
-        self.unstamped: Counter[str] = Counter()
+        self.counts: Counter[str] = Counter()
         self.source_clocks: list[dict[str, StampClock]] = []
         self.subscriptions: list[Any] = []
         self.publishers: list[Any] = []
-        self.topics = OwnTopics(node.resolve_topic_name, settings)
-        self.names = EndpointNames(clock.steady)
+        self.topics = OwnTopics(node.resolve_topic_name)
         self.terrain_subscriptions: list[Any] = []
         self.handled = 0
         self.refusals = Refusals(node.get_logger(), clock.steady)
@@ -96,13 +93,12 @@ class Session:
         self.frame_id = settings.frame_id
         self.last_map_time: float | None = None
         self.deck_times: dict[str, float] = {}
-        self.overtaken: Counter[str] = Counter()
         self.maps = 0
         self.map_warning = ""
         self.turns = Turns()
         self.files = FileWork()
         self.lost: dict[str, str] = {}
-        self._ticked = math.inf
+        self._seen, self._stalled = math.inf, 0.0
 
     @property
     def marker_namespace(self) -> str:
@@ -200,12 +196,13 @@ class Session:
         conclude(response, outcome)
         return response
 
-    def stall(self) -> float:
-        """Return by how much more than it can catch up with the loop was held up since the last call [s]: that does not
-        count as silence of peers and sources, whose messages wait to be read."""
-        now, before = self.clock.pace(), self._ticked
-        self._ticked = now
-        return max(now - before - self.pacer.most_catch_up, 0.0)
+    def awake(self) -> float:
+        """Return the loop's time [s] without that in which it was held up, by more than a period and than it can catch
+        up with: that is no silence of peers and sources, whose messages wait to be read."""
+        now, before = self.clock.pace(), self._seen
+        self._seen = now
+        self._stalled += max(now - before - max(self.pacer.most_catch_up, self.pacer.period), 0.0)
+        return now - self._stalled
 
     def clock_now(self) -> float:
         """Return the time to compare stamps with [s]: simulated time if the node publishes it, else its clock."""
@@ -215,10 +212,6 @@ class Session:
     def waits_for_clock(self) -> bool:
         """True before the first message of ``/clock``."""
         return self.clock.simulated and not self.clock.stamp_now()
-
-    def stamp_clock(self) -> StampClock:
-        """Return the clock of the stamps of a source that has sent none yet."""
-        return StampClock(lambda: self.pacer.interval)
 
     @property
     def simulates_stamps(self) -> bool:

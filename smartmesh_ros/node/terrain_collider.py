@@ -25,7 +25,6 @@ from smartmesh_ros.node.inputs.deck_inputs import DeckInputs
 from smartmesh_ros.node.inputs.terrain_inputs import TerrainInputs
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.publishing import Publishing
-from smartmesh_ros.node.outputs.transform_outputs import require_transforms
 from smartmesh_ros.node.parameters import specifications as parameters
 from smartmesh_ros.node.parameters.declaring import ParameterNode
 from smartmesh_ros.node.parameters.helping import answer
@@ -78,21 +77,16 @@ class Collider:
             serve_simulation_interfaces(session, self)
         session.clock.on_set_back(self._forget_stamps)
 
-    @property
-    def handled(self) -> int:
-        return self.session.handled
-
     def tick(self, skipped: int = 0) -> None:
         """Runs one physics step (none while paused), after ``skipped`` ones in which simulated time alone advances, and
         publishes the outputs that are due."""
         session = self.session
         with session.lock:
             with session.enduring("inputs"):
-                stall = session.stall()
                 self._transforms.refresh()
                 self._decks.refresh()
-                self._peers.refresh(stall)
-                self._bodies.expire(stall)
+                self._peers.refresh()
+                self._bodies.expire()
             with session.enduring("physics"):
                 if session.paused:
                     session.world.update()
@@ -183,7 +177,7 @@ class Collider:
     def take_restored(self) -> None:
         """Goes on after the world was replaced by another one."""
         session = self.session
-        session.tracking.take(session.clock.pace())
+        session.tracking.take(session.awake())
         session.lost.clear()
         self._decks.take_restored()
         self._stand_on_soil()
@@ -207,10 +201,10 @@ class Collider:
         with session.lock:
             self._terrain.forget_stamps()
             self._transforms.forget_stamps()
-            self._peers.forget_stamps()
             for clocks in session.source_clocks:
                 clocks.clear()
-            session.tracking.restart(session.clock.pace())
+            for followed in (session.tracking, self._peers):
+                followed.restart(session.awake())
             self.pacer.restart()
 
     def _on_terrain(self) -> None:
@@ -232,10 +226,6 @@ class Collider:
                 world.ground.set_soil(Soil(world.terrain, settings.soil, slip_sinkage=settings.slip_sinkage))
             except InputError as error:
                 self.refusals.add("soil.type", error)
-
-    def require_possible(self, settings: Settings) -> None:
-        """Raises `InputError` if the settings need a package that is missing."""
-        require_transforms(settings.publish.tf)
 
     def configure(self, settings: Settings, names: set[str]) -> None:
         """Replaces the settings, in which the parameters ``names`` have changed."""
@@ -264,7 +254,7 @@ class TerrainCollider(ParameterNode, Collider):
 
     def require_together(self, new: Mapping[str, Any]) -> None:
         """Raise `InputError` if the settings with these ``new`` values of parameters are impossible."""
-        self.require_possible(parameters.current_settings(self, new))
+        parameters.current_settings(self, new)
 
     def create_service(self, *arguments: Any, **options: Any) -> Any:
         """Create a service like rclpy, with the introspection that the parameter gives it."""

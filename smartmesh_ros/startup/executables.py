@@ -113,7 +113,7 @@ terrain_source = partial(_start, "smartmesh_ros.tools.demo.terrain_source", None
 terrain_sensor = partial(_start, "smartmesh_ros.node.sensor.terrain_sensor")
 terrain_score = partial(_start, "smartmesh_ros.tools.score.terrain_score")
 fleet_front = partial(_start, "smartmesh_ros.node.fleet.front")
-fleet = partial(_start, "smartmesh_ros.node.fleet.command", None)
+fleet = partial(_start, "smartmesh_ros.tools.fleet", None)
 replay = partial(_start, "smartmesh_ros.tools.replay.cli")
 tune = partial(_start, "smartmesh_ros.tools.tune.cli")
 # Their standard output stays usable for child processes.

@@ -87,9 +87,12 @@ class Target:
         except Exception as error:
             raise FindingError(name, data, error) from error
 
+    def _overtaken(self) -> int:
+        return sum(count for words, count in self.node.session.counts.items() if words.startswith("overtaken "))
+
     def _give(self, name: str, data: bytes) -> None:
         terrain, before = self.node.session.world.terrain, self._refused()
-        overtaken = self.node.session.overtaken.total()
+        overtaken = self._overtaken()
         updates, maps = updates_of(terrain), maps_of(terrain)
         fate = "taken"
         if name in self._topics:
@@ -97,7 +100,7 @@ class Target:
             self._settle()
             if self._refused() > before:
                 fate = "refused"
-            elif self.node.session.overtaken.total() > overtaken:
+            elif self._overtaken() > overtaken:
                 fate = "overtaken"
         else:
             fate = self._call(name, data)

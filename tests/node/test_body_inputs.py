@@ -60,7 +60,7 @@ def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(logged: L
         node.require_refused("/second/pose", [("non_finite", stamped(node, lost))])
         for x in (0.0, 100.0):
             node.give("/second/pose", stamped(node, PoseStamped(pose=pose_message((x, 5.0, 0.2)))))
-        assert node.node._outputs._diagnostics._bodies()[2]["jumps on /second/pose"] == 1
+        assert node.node._outputs._diagnostics._inputs()[2]["jumps on /second/pose"] == 1
         assert "the pose of 'second.pose' jumped by 100 m" in logged()
 
 
@@ -149,7 +149,7 @@ def test_frames_whose_stamps_start_over_or_are_missing_stay_bodies(
         refused = node.node.refusals.counts
         assert refused.total() == refused["/tf: stamp_backwards"] == 2 * looped
         assert node.world.terrain.deck("raft").frame(node.world.time).position[0] == pytest.approx(0.7, abs=0.2)
-        said = node.node._outputs._diagnostics._ends()[2]
+        said = node.node._outputs._diagnostics._inputs()[2]
         assert said.get("without stamp on /tf", 0) == 75 * (not looped)
         assert not node.set("bodies.timeout", 0.2)
         node.play(now, 0.3, math.inf, lambda: None)

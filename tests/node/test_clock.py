@@ -1,5 +1,6 @@
 """``/clock`` over DDS: published by the node, followed by the node, and never both."""
 
+import math
 from itertools import count
 from types import SimpleNamespace
 from typing import Any
@@ -266,3 +267,13 @@ def test_a_source_begins_with_the_clock_and_shows_a_whole_map_when_it_goes_back(
             node._tick()
     whole = [isinstance(message, Heightmap) for message in published]
     assert whole == [True, False, True, True, False, True]
+
+
+def test_a_tracked_body_times_out_as_soon_at_few_steps_a_second(now: list[float]) -> None:
+    """The time between two steps is no stall."""
+    with fed({"physics.rate": 1.0, "bodies.timeout": 2.0, "frame_id": "map"}) as node:
+        body = TrackedBodyArray(bodies=[TrackedBody(id="crane")])
+        node.play(now, 3.0, 1.0, lambda: node.give("tracked_bodies", body, 0))
+        assert node.world.bodies
+        node.play(now, 4.0, math.inf, lambda: None)
+        assert not node.world.bodies

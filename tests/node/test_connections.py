@@ -15,7 +15,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rosgraph_msgs.msg import Clock
 from smartmesh_msgs.msg import ContactArray, Heightmap
 
-from smartmesh_ros.node.endpoints import NAME_TIMEOUT, NAMELESS, UNKNOWN, EndpointNames, incompatible_peers
+from smartmesh_ros.node.endpoints import NAMELESS, UNKNOWN, incompatible_peers, names_of
 from smartmesh_ros.node.fleet.front import Front
 from smartmesh_ros.node.outputs import diagnostics
 from smartmesh_ros.node.sensor.terrain_sensor import TerrainSensor
@@ -107,8 +107,9 @@ def endpoint(gid: int, name: tuple[str, str] = UNNAMED, qos: QoSProfile = BEST_E
     return SimpleNamespace(endpoint_gid=[gid] * 16, node_name=name[0], node_namespace=name[1], qos_profile=qos)
 
 
-def test_peers_are_told_of_once_their_names_have_arrived() -> None:
-    """A node hears maps of two publishers. The second one's name is yet to come."""
+def test_incompatible_peers_are_told_of_by_name() -> None:
+    """A node hears maps of two publishers. The second one's name is yet to come, or never will, as of bridges that
+    speak DDS without ROS."""
     publishers = [endpoint(1, ("mapper", "/robot")), endpoint(2)]
     graph: Any = SimpleNamespace(
         get_name=lambda: "terrain_collider",
@@ -118,28 +119,13 @@ def test_peers_are_told_of_once_their_names_have_arrived() -> None:
         get_subscriptions_info_by_topic=lambda _: [endpoint(0, ("terrain_collider", "/"), RELIABLE)],
     )
     subscriptions: Any = [SimpleNamespace(topic_name="/maps", get_publisher_count=lambda: 0)]
-    names = EndpointNames()
-    [said] = incompatible_peers(graph, subscriptions, [], names).values()
-    assert "/robot/mapper" in said and UNKNOWN not in said
-    assert names.of_publishers(graph, ["/maps"]) is None
+    [said] = incompatible_peers(graph, subscriptions, []).values()
+    assert "/robot/mapper: " in said and f"{NAMELESS}: " in said and UNKNOWN not in said
+    assert names_of(publishers) == sorted([NAMELESS, "/robot/mapper"])
     publishers[1] = endpoint(2, ("other", "/"))
-    [said] = incompatible_peers(graph, subscriptions, [], names).values()
-    assert "/other" in said
-    assert names.of_publishers(graph, ["/maps"]) == ["/other", "/robot/mapper"]
-
-
-def test_a_program_that_never_sends_a_name_is_told_of_after_a_while() -> None:
-    """As bridges do that speak DDS without ROS."""
-    now = [100.0]
-    names = EndpointNames(lambda: now[0])
-    for share in (0.0, 0.9):
-        now[0] += share * NAME_TIMEOUT
-        assert names.of(endpoint(2)) is None
-    assert names.of(endpoint(3)) is None
-    now[0] += 0.2 * NAME_TIMEOUT
-    assert names.of(endpoint(2)) == NAMELESS
-    assert names.of(endpoint(3)) is None, "each has its own time"
-    assert names.of(endpoint(2, ("late", "/"))) == "/late"
+    [said] = incompatible_peers(graph, subscriptions, []).values()
+    assert "/other: " in said and NAMELESS not in said
+    assert names_of(publishers) == ["/other", "/robot/mapper"]
 
 
 POLICIES = {"history": "keep_all", "depth": 7, "reliability": "best_effort", "durability": "transient_local"}

@@ -14,8 +14,9 @@ from smartmesh_msgs.srv import RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.fleet import command, layout
+from smartmesh_ros.node.fleet import layout
 from smartmesh_ros.node.fleet.front import Front
+from smartmesh_ros.tools import fleet as fleet_command
 from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
 from tests.node.shared import BALL, UDP_ONLY, Logged, fed, made_with, stamped
 
@@ -146,9 +147,18 @@ def test_peers_that_simulate_otherwise_are_refused_by_reason(logged: Logged) -> 
             assert "/other/body_states refused" in heard and words in heard
 
 
+def test_the_age_of_the_stamps_of_peers_is_told_behind_that_of_the_nodes_own_inputs() -> None:
+    with fed({**PHYSICS, "bodies.peers": ["/other"], "frame_id": "map"}) as node:
+        states = TrackedBodyArray(rate=120.0, gravity=np.array([0.0, 0.0, -9.81], np.float32))
+        node.give("/other/body_states", stamped(node, states, "map"))
+        node.give("tracked_bodies", stamped(node, TrackedBodyArray()))
+        ages = [key for key in node.node._outputs._diagnostics._ends()[2] if key.startswith("age of stamps")]
+        assert ages == [f"age of stamps on arrival, {source} [s]" for source in ("tracked_bodies", "/other")]
+
+
 def test_a_fleet_of_no_nodes_is_refused_and_not_waited_for(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
-        command.main(["--nodes", "0"])
+        fleet_command.main(["--nodes", "0"])
     assert end.value.code == 2 and "'0' is no whole number from 1" in capsys.readouterr().err
 
 

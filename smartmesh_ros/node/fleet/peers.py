@@ -19,9 +19,10 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 from smartmesh_ros.node.inputs.conversions import require_distinct
+from smartmesh_ros.node.inputs.source_clocks import SourceClocks
 from smartmesh_ros.node.parameters.settings import AUTO, MOST_BODIES
 from smartmesh_ros.node.session import Session, require_name
-from smartmesh_ros.node.timing.stamps import StampClock, stamp_seconds
+from smartmesh_ros.node.timing.stamps import stamp_seconds
 from smartmesh_ros.node.transport import STATES, colliders
 from smartmesh_ros.world.state_table import StateTable
 
@@ -119,13 +120,12 @@ def topic_of(peer: str) -> str:
 
 
 class _Peer:
-    """Another node. ``reader``, ``clock``: parse its messages and place their stamps in simulated time. ``heard``: time
-    of its last accepted message on the loop's clock [s], None = not heard. ``refused``: reason of its last refusal."""
+    """Another node. ``heard``: time of its last accepted message, as of `Session.awake` [s], None = not heard.
+    ``refused``: reason of its last refusal."""
 
-    def __init__(self, subscription: Any, clock: StampClock) -> None:
+    def __init__(self, subscription: Any) -> None:
         self.subscription = subscription
         self.reader = PeerReader()
-        self.clock = clock
         self.heard: float | None = None
         self.refused = ""
 
@@ -139,32 +139,28 @@ class PeerBodies:
         self._auto = AUTO in session.settings.peers
         self._named = [name for name in session.settings.peers if name not in (AUTO, self._own)]
         self._peers: dict[str, _Peer] = {}
+        self._clocks = SourceClocks(session)
         self._due = 0.0
         for name in self._named:
             self._listen(name)
 
-    def refresh(self, stall: float) -> None:
-        """Remove the bodies of peers that timed out, and search for new peers once per `DISCOVERY_PERIOD`; ``stall``
-        [s] as of `Session.stall`."""
-        now = self._session.clock.pace()
+    def refresh(self) -> None:
+        """Remove the bodies of peers that timed out, and search for new peers once per `DISCOVERY_PERIOD`."""
+        now = self._session.awake()
         for name, peer in self._peers.items():
-            if peer.heard is not None and stall:
-                peer.heard = min(peer.heard + stall, now)
             if peer.heard is not None and now - peer.heard > self._session.settings.body_timeout:
-                peer.heard, peer.clock = None, self._session.stamp_clock()
+                peer.heard = None
+                self._clocks.pop(name, None)
                 self._session.world.guests.forget(name)
                 self._session.node.get_logger().warning(f"{name} is not heard any more; its bodies were removed here")
         if self._auto and (steady := self._session.clock.steady()) >= self._due:
             self._due = steady + DISCOVERY_PERIOD
             self._discover()
 
-    def forget_stamps(self) -> None:
-        """Accept any next stamp of each peer, after a reset or when the clock was set; all heard peers count as heard
-        now."""
-        now = self._session.clock.pace()
+    def restart(self, time: float) -> None:
+        """Go on at ``time`` [s] of a clock that was set: all heard peers count as heard now."""
         for peer in self._peers.values():
-            peer.clock = self._session.stamp_clock()
-            peer.heard = None if peer.heard is None else now
+            peer.heard = None if peer.heard is None else time
 
     def summaries(self) -> dict[str, str]:
         """Return the diagnostics text of each peer by name."""
@@ -186,7 +182,7 @@ class PeerBodies:
         session = self._session
         take = partial(self._on_states, name)
         subscription = session.listen(TrackedBodyArray, topic_of(name), take, NEWEST_QOS, raw=True, private=False)
-        self._peers[name] = _Peer(subscription, session.stamp_clock())
+        self._peers[name] = _Peer(subscription)
 
     def _discover(self) -> None:
         """Subscribe to new nodes, and unsubscribe from nodes that are gone."""
@@ -208,16 +204,14 @@ class PeerBodies:
                 if not self._fits(name, new):
                     return
                 stamp = stamp_seconds(new)
-                clock_now = session.clock_now()
-                if peer.clock.is_overtaken(stamp, clock_now, math.inf):  # older than the message before
+                if self._clocks.of(name).is_overtaken(stamp, session.clock_now(), math.inf):
                     raise InputError("overtaken", f"states of {name} arrived after newer ones")
-                placed = peer.clock.place(stamp, clock_now, session.time_at)
-                objections = self._session.world.guests.take(name, new.bodies, placed.time + new.ahead)
-                peer.clock.accept(placed)
+                with self._clocks.placing(name, stamp) as placed:
+                    objections = session.world.guests.take(name, new.bodies, placed.time + new.ahead)
         except InputError as error:
             peer.refused = f"refused: {error}"
             raise
-        peer.heard, peer.refused = session.clock.pace(), ""
+        peer.heard, peer.refused = session.awake(), ""
         for objection in objections:
             session.refusals.add(topic_of(name), objection)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from functools import partial
 from itertools import chain
 
@@ -27,7 +26,7 @@ from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.parameters.entries import topic_name
 from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.session import Session, require_name
-from smartmesh_ros.node.timing.stamps import Placed, stamp_seconds
+from smartmesh_ros.node.timing.stamps import stamp_seconds
 from smartmesh_ros.world.base import Base
 from smartmesh_ros.world.tracked_robot import TrackedPart, TrackedRobot
 
@@ -41,7 +40,7 @@ class BodyInputs:
 
     def __init__(self, session: Session, transforms: TransformInput) -> None:
         self._session, self.transforms = session, transforms
-        self._clocks = SourceClocks(session)
+        self._clocks = SourceClocks(session, lambda age: session.clock.pace() - age)
         self._pose_array_names: set[str] = set()
         self._gone: list[str] = []  # bodies that timed out, and are not logged yet
         self._told = -LOG_PERIOD  # steady time of that line [s]
@@ -56,22 +55,21 @@ class BodyInputs:
         session.listen(JointState, "joint_commands", self._on_joint_commands, BEST_EFFORT)
         if self._robots:
             session.listen(JointState, "tracked_joint_states", self._on_tracked_joints, BEST_EFFORT)
-        with naming("bodies.poses"):
-            for name, topic in session.settings.poses:
+        for name, topic in session.settings.poses:
+            with naming(f"bodies.poses, body {name!r}"):
                 session.listen(PoseStamped, topic, partial(self._on_pose, name, topic), BEST_EFFORT, private=False)
-        with naming("bodies.odometry"):
-            for name, topic in session.settings.odometry:
+        for name, topic in session.settings.odometry:
+            with naming(f"bodies.odometry, body {name!r}"):
                 session.listen(Odometry, topic, partial(self._on_odometry, name, topic), BEST_EFFORT, private=False)
         for entry in session.settings.bases:
             drive, name = partial(self._drive, session.bases[entry.body]), topic_name(entry.body)
             session.listen(Twist, f"cmd_vel/{name}", drive, BEST_EFFORT)
             session.listen(TwistStamped, f"cmd_vel_stamped/{name}", partial(self._on_stamped, drive), BEST_EFFORT)
 
-    def expire(self, stall: float) -> None:
-        """Removes the tracked bodies without a pose for the time-out, and logs them, at most once a `LOG_PERIOD`;
-        ``stall`` [s] as of `Session.stall`."""
+    def expire(self) -> None:
+        """Removes the tracked bodies without a pose for the time-out, and logs them, at most once a `LOG_PERIOD`."""
         session, gone = self._session, self._gone
-        gone += session.tracking.expire(session.clock.pace(), stall)
+        gone += session.tracking.expire(session.awake())
         if gone and session.clock.steady() - self._told >= LOG_PERIOD:
             names = listed([*map(repr, gone)])
             words = f"no pose came within bodies.timeout = {session.settings.body_timeout:g} s: removed {names}"
@@ -99,7 +97,7 @@ class BodyInputs:
         session = self._session
         stamp = stamp_seconds(header.stamp)
         transform = self.transforms.to_terrain(header.frame_id, stamp)
-        with self._placed(topic, stamp) as placed:
+        with self._clocks.placing(topic, stamp) as placed:
             if transform is not None:
                 bodies = [body._replace(state=transform.apply(body.state)) for body in bodies]
             for body in bodies:
@@ -116,7 +114,7 @@ class BodyInputs:
             raise InputError("own_topic", f"{words}; a body that follows it would overlap the simulated one")
         if restarted:
             self._clocks.pop(source, None)
-        with self._placed(source, stamp) as placed:
+        with self._clocks.placing(source, stamp) as placed:
             self._set(SOURCE, [BodyInput(name, BodyState(*pose), 0.0)], placed.time)
 
     def _set(self, topic: str, bodies: list[BodyInput], time: float) -> None:
@@ -127,9 +125,9 @@ class BodyInputs:
         for part in chain.from_iterable(parts):
             require_possible(part.name, part.state)
         for body, own in zip(bodies, parts, strict=True):
-            jumps = [session.tracking.update(*part, time, session.clock.pace(), stated=body.stated) for part in own]
+            jumps = [session.tracking.update(*part, time, session.awake(), stated=body.stated) for part in own]
             if jump := next(filter(None, jumps), ""):
-                session.jumps[topic] += 1
+                session.counts[f"jumps on {topic}"] += 1
                 session.node.get_logger().warning(f"{topic}: {jump}", throttle_duration_sec=LOG_PERIOD)
 
     def _radius(self, body: BodyInput) -> float:
@@ -146,10 +144,6 @@ class BodyInputs:
         if body.stated or any(body.state.linear) or any(body.state.angular):
             return parts
         return [part._replace(state=BodyState(part.state.position, part.state.orientation)) for part in parts]
-
-    def _placed(self, source: str, stamp: float | None) -> AbstractContextManager[Placed]:
-        """Give the block a stamp [s] of a source in the loop's time; see `SourceClocks.placing`."""
-        return self._clocks.placing(source, stamp, time_at=lambda age: self._session.clock.pace() - age)
 
     def _on_joint_commands(self, message: JointState) -> None:
         world, names = self._session.world, self._session.robot_names

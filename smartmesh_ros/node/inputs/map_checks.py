@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.io.rasters import Raster
+from smartmesh_ros.node.endpoints import names_of
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -120,11 +121,9 @@ class MapChecks:
         return any(topic.get_publisher_count() > 1 for topic in self._session.terrain_subscriptions)
 
     def _disagreement(self, tile: str) -> str:
-        """Return that the maps of a tile disagree, and of which nodes; empty while their names are not known."""
-        session = self._session
-        names = session.names.of_publishers(session.node, [one.topic_name for one in session.terrain_subscriptions])
-        if not names:
-            return ""
+        """Return that the maps of a tile disagree, and of which nodes."""
+        node, topics = self._session.node, [one.topic_name for one in self._session.terrain_subscriptions]
+        names = names_of(one for topic in topics for one in node.get_publishers_info_by_topic(topic))
         come, cure = f"they come from {', '.join(names)}", "remap one of them, or give each a tile of its own"
         return f"maps of tile {tile!r} disagree; {come}: {cure}"
 
@@ -137,7 +136,7 @@ class MapChecks:
         empty, samples = next(reversed(self._empty.items()), ("", 0))
         place = f"tile {empty!r}" if empty else "the map"
         self._problems = {
-            "rivals": "" if rivals is None else before["rivals"] or self._disagreement(rivals),
+            "rivals": "" if rivals is None else self._disagreement(rivals),
             "holes": f"{place} has no ground: all its {samples} heights are NaN, which means a hole" if samples else "",
             "noise": f"maps look like those of a sensor or mapper ({noise}) {ADVICE}" if noise else "",
         }

@@ -11,32 +11,27 @@ from smartmesh_ros.node.timing.stamps import Placed, StampClock
 
 
 class SourceClocks(dict[str, StampClock]):
-    """The clocks of sources by their names. Of a source without one any next stamp is accepted."""
+    """The clocks of sources by their names. Of a source without one any next stamp is accepted. ``time_at``: returns
+    the time [s] of the instant so long ago [s], None = simulated time."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, time_at: Callable[[float], float] | None = None) -> None:
         super().__init__()
-        self._session = session
+        self._session, self._time_at = session, time_at or session.time_at
         session.source_clocks.append(self)
 
     def of(self, source: str) -> StampClock:
         """Return the clock of a source; a new one if no message of it was accepted yet."""
-        return self.get(source) or self._session.stamp_clock()
+        return self.get(source) or StampClock(lambda: self._session.pacer.interval)
 
     @contextmanager
     def placing(
-        self,
-        source: str,
-        stamp: float | None,
-        *,
-        time_at: Callable[[float], float] | None = None,
-        most: float = 0.0,
-        horizon: float = math.inf,
+        self, source: str, stamp: float | None, *, most: float = 0.0, horizon: float = math.inf
     ) -> Iterator[Placed]:
-        """Give the block the stamp [s] of a message of a source in simulated time, or in that of ``time_at``; record
-        the message as accepted unless the block raises, and log the first whose stamp is not on this node's clock.
-        ``most``, ``horizon``: as of `StampClock.place`."""
+        """Give the block the stamp [s] of a message of a source in the time of ``time_at``; record the message as
+        accepted unless the block raises, and log the first whose stamp is not on this node's clock. ``most``,
+        ``horizon``: as of `StampClock.place`."""
         session, clock = self._session, self.of(source)
-        placed = clock.place(stamp, session.clock_now(), time_at or session.time_at, most, horizon, session.pacer.pace)
+        placed = clock.place(stamp, session.clock_now(), self._time_at, most, horizon, session.pacer.pace)
         yield placed
         clock.accept(placed)
         self[source] = clock

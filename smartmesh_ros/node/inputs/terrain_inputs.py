@@ -96,9 +96,8 @@ class TerrainInputs:
         """Checks a whole map and puts it into the terrain, or a deck of it; None removes the tile."""
         session, clock = self._session, self._clocks.of(_source(self._decks.target(start)))
         # A newer map arrived just before this one.
-        late = clock.is_overtaken(stamp_seconds(start), session.clock_now(), session.settings.motion.max_interval)
-        session.overtaken[topic] += late
-        if late:
+        if clock.is_overtaken(stamp_seconds(start), session.clock_now(), session.settings.motion.max_interval):
+            session.counts[f"overtaken on {topic}"] += 1
             return
         with self._ingesting(start) as (target, placed):
             raster = convert()

@@ -109,12 +109,10 @@ class Tracking:
             self._world.remove(name)
         self._last_poses.pop(name, None)  # once it is gone: a removal that failed is made again
 
-    def expire(self, time: float, stall: float = 0.0) -> list[str]:
+    def expire(self, time: float) -> list[str]:
         """Removes the bodies without a pose for the time-out, and returns their names. Stops bodies without a pose for
-        `MAX_INTERVAL`. A ``stall`` of the node [s] counts for neither: poses that came meanwhile are not read yet."""
+        `MAX_INTERVAL`."""
         for name, seen in self._last_poses.items():
-            if stall:
-                seen.heard = min(seen.heard + stall, time)
             if seen.moving and time - seen.heard > MAX_INTERVAL and name in self._world.bodies:
                 state, body = self._world.state(name), self._world.bodies[name]
                 self._world.track(name, body.shape or body.radius, BodyState(state.position, state.orientation))

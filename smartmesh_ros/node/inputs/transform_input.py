@@ -164,7 +164,7 @@ class TransformInput:
         if (seconds := stamp_seconds(start)) is not None:
             return seconds
         session = self._session
-        session.unstamped["/tf"] += 1
+        session.counts["without stamp on /tf"] += 1
         words = f"transforms of {start.name!r} on /tf have no stamp, and hold when they arrive"
         session.node.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)
         return session.clock_now()

@@ -6,6 +6,7 @@ from typing import Any
 
 from rosgraph_msgs.msg import Clock
 
+from smartmesh_ros.node.endpoints import names_of
 from smartmesh_ros.node.outputs.rates import Rhythm
 from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.session import Session
@@ -46,15 +47,13 @@ class ClockPublishing:
 
     def _note_rivals(self) -> None:
         node = self._session.node
-        names = self._session.names.of_publishers(node, [self._publisher.topic_name])
-        others = [name for name in names or [] if name != node.get_fully_qualified_name()]
-        self.rivals = others or ["another node"]
-        if names is not None:
-            node.get_logger().error(
-                f"{TOPIC} is published by {', '.join(self.rivals)} already, so this node is silent there; set "
-                "publish.clock to 0 and use_sim_time to true to follow that clock",
-                throttle_duration_sec=LOG_PERIOD,
-            )
+        names = names_of(node.get_publishers_info_by_topic(self._publisher.topic_name))
+        self.rivals = [name for name in names if name != node.get_fully_qualified_name()] or ["another node"]
+        node.get_logger().error(
+            f"{TOPIC} is published by {', '.join(self.rivals)} already, so this node is silent there; set "
+            "publish.clock to 0 and use_sim_time to true to follow that clock",
+            throttle_duration_sec=LOG_PERIOD,
+        )
 
 
 # Time without a change of the clock after which the node says that it waits [s]. Longer than the pauses between the

@@ -124,8 +124,6 @@ class Diagnostics:
             values[f"tiles of deck {name!r}"] = len(self._world.terrain.deck(name).tiles)
             values[f"age of deck {name!r} [s]"] = f"{old:.3f}"
         values["publishers"] = sources
-        values["overtaken by a newer one"] = session.overtaken.total()
-        values |= {f"overtaken on {topic}": count for topic, count in sorted(session.overtaken.items())}
         if session.last_map_time is None:
             return DiagnosticStatus.WARN, self._no_map(), values
         age = session.clock.steady() - session.last_map_time
@@ -168,7 +166,6 @@ class Diagnostics:
             "falling": len(world.falls.falling),
             "put back onto the ground": world.rescues,
             **{f"lost, {name}": why for name, why in self._session.lost.items()},
-            **{f"jumps on {topic}": count for topic, count in sorted(self._session.jumps.items())},
         }
         if peers:
             values["guests"] = remote
@@ -206,6 +203,7 @@ class Diagnostics:
     def _inputs(self) -> tuple[bytes, str, dict[str, Any]]:
         counts = self._session.refusals.counts
         total, values = counts.total(), {f"refused, {reason}": count for reason, count in sorted(counts.items())}
+        values |= self._session.counts
         new, self._refused_before = total - self._refused_before, total
         if new:
             return DiagnosticStatus.WARN, f"{new} refused in the last second", values
@@ -213,10 +211,10 @@ class Diagnostics:
 
     def _ends(self) -> tuple[bytes, str, dict[str, Any]]:
         session, rivals = self._session, self._clock.rivals
-        incompatible = incompatible_peers(session.node, session.subscriptions, session.publishers, session.names)
+        incompatible = incompatible_peers(session.node, session.subscriptions, session.publishers)
         values: dict[str, Any] = {f"publishers of {topic}": count for topic, count in self._connections.items()}
-        values |= {f"without stamp on {topic}": count for topic, count in sorted(session.unstamped.items())}
-        sources = chain.from_iterable(clocks.items() for clocks in session.source_clocks)
+        # In the reverse order, because those of peers, who may be many, were made first.
+        sources = chain.from_iterable(clocks.items() for clocks in reversed(session.source_clocks))
         ages = islice(((source, clock.age) for source, clock in sources if clock.age is not None), MOST_AGES)
         values |= {f"age of stamps on arrival, {source} [s]": f"{age:.3f}" for source, age in ages}
         values |= {f"incompatible QoS on {topic}": peers for topic, peers in incompatible.items()}

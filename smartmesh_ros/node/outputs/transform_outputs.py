@@ -86,7 +86,6 @@ class TransformOutputs:
         self._left_out: set[str] = set()
         self._rhythm, self._listened = Rhythm(), 0.0
         self._odom_frames = {entry.body: entry.odom_frame for entry in session.settings.bases if entry.publish_tf}
-        require_transforms(session.settings.publish.tf)
 
     def publish(self, now: float, time: float, *, at_once: bool) -> None:
         """Publish the frames if they are due at the ``time`` by which rates count [s], or ``at_once``. ``now``: steady
@@ -155,9 +154,3 @@ class TransformOutputs:
                 yield OwnFrame(names[link.parent], child, link.pose)
             if name not in names:
                 yield OwnFrame(names[0], name, IDENTITY)
-
-
-def require_transforms(rate: float) -> None:
-    """Raises `InputError` if a rate of ``publish.tf`` [Hz] needs the class TFMessage and its package is missing."""
-    if rate:
-        class_of("tf2_msgs/msg/TFMessage", PARAMETER)

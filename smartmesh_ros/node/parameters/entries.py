@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from functools import partial
 from typing import Any, Literal, NamedTuple, TypeVar
@@ -13,10 +14,11 @@ import yaml
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.validate_topic_name import validate_topic_name
 
-from smartmesh_ros.errors import InputError, is_number, require_body_name, suggestion
+from smartmesh_ros.errors import InputError, require_body_name, suggestion
 from smartmesh_ros.ground.quaternions import X, Y, Z, about, product
 from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Shape, Solid, shape_from
 from smartmesh_ros.ground.state import Quaternion, Vector
+from smartmesh_ros.node.parameters.declaring import Spec, checked_value
 from smartmesh_ros.terrain.height_scan import HeightScan
 from smartmesh_ros.world.base_config import BaseConfig
 from smartmesh_ros.world.imu import ImuConfig
@@ -117,17 +119,13 @@ def output_entries(parameter: str, texts: Sequence[str]) -> tuple[OutputEntry, .
 
 
 def _checked(key: str, value: Any, usual: Any) -> Any:
-    """Return the value of a key with this default, checked for its type and bounds."""
-    if isinstance(usual, bool):
-        good, wanted = type(value) is bool, "true or false"
-    elif isinstance(usual, float):
-        good = type(value) in (int, float) and math.isfinite(value) and RATES[0] <= value <= RATES[1]
-        wanted = f"{RATES[0]:g} to {RATES[1]:g} Hz"
-    else:
-        good, wanted = type(value) in (str, int) and (value != "" or not usual), "a text" + ", not empty" * bool(usual)
-    if not good:
-        raise InputError("parameter", f"{key} must be {wanted}")
-    return type(usual)(value)
+    """Return the value of a key with this default, checked as one of a parameter is; a text may be a number, and is
+    empty only if the default is."""
+    text = isinstance(usual, str) and type(value) is int
+    checked = checked_value(Spec(key, usual, "", *RATES), str(value) if text else value)
+    if usual and checked == "":
+        raise InputError("parameter", f"{key} must not be empty")
+    return checked
 
 
 class ShapeEntry(NamedTuple):
@@ -208,19 +206,20 @@ def _deck_entry(found: dict[str, Any], _: int) -> DeckEntry:
     thickness = found.get("thickness", math.inf)
     if type(thickness) not in (int, float) or not thickness > 0.0:
         raise InputError("parameter", "the thickness is a number of metres above zero")
-    roll, pitch, yaw = _three(found.get("rpy", [0.0, 0.0, 0.0]), "rpy")
+    roll, pitch, yaw = finite(found.get("rpy", [0.0, 0.0, 0.0]), 3, "rpy must be three finite numbers")
     orientation = product(product(about(Z, yaw), about(Y, pitch)), about(X, roll))
-    at = _three(found.get("at", [0.0, 0.0, 0.0]), "at")
-    source = sources[0]
-    return DeckEntry(names["deck"], source, names[source], names.get("link", ""), float(thickness), at, orientation)
+    x, y, z = finite(found.get("at", [0.0, 0.0, 0.0]), 3, "at must be three finite numbers")
+    source, link = sources[0], names.get("link", "")
+    return DeckEntry(names["deck"], source, names[source], link, float(thickness), (x, y, z), orientation)
 
 
-def _three(values: Any, what: str) -> Vector:
-    good = isinstance(values, list) and [is_number(value) and math.isfinite(value) for value in values] == [True] * 3
-    if not good:
-        raise InputError("parameter", f"{what} must be three finite numbers")
-    x, y, z = map(float, values)
-    return x, y, z
+def finite(values: Any, count: int, words: str) -> list[float]:
+    """Return so many finite numbers; raises `InputError` with ``words`` if they are none."""
+    with suppress(TypeError, ValueError, OverflowError):
+        numbers = [math.nan if isinstance(value, bool) else float(value) for value in values]
+        if isinstance(values, list) and len(numbers) == count and all(map(math.isfinite, numbers)):
+            return numbers
+    raise InputError("parameter", words)
 
 
 def shape_in(found: Mapping[str, Any]) -> Shape:

@@ -130,15 +130,16 @@ def parameters_by_node(content: Any, path: str = "") -> Iterator[tuple[str, dict
     namespaces and groups may be nested."""
     for key, value in content.items() if isinstance(content, dict) else ():
         if key == PARAMETERS:
-            yield path, dict(_flat(value))
+            yield path, dict(flat(value))
         else:
             yield from parameters_by_node(value, f"{path}/{str(key).strip('/')}")
 
 
-def _flat(content: Any, group: str = "") -> Iterator[tuple[str, Any]]:
+def flat(content: Any, group: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the full names and values of what may be in nested groups; ``group``: beginning of the names."""
     for key, value in content.items() if isinstance(content, dict) else ():
         if isinstance(value, dict):
-            yield from _flat(value, f"{group}{key}.")
+            yield from flat(value, f"{group}{key}.")
         else:
             yield f"{group}{key}", value
 

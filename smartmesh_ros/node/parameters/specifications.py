@@ -14,6 +14,7 @@ from rclpy.node import Node
 
 from smartmesh_ros.errors import InputError, listed, naming
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
+from smartmesh_ros.node.inputs.optional_messages import class_of
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.declaring import ParameterNode, Spec
 from smartmesh_ros.node.parameters.entries import deck_entries, output_entries, shape_entries
@@ -165,6 +166,8 @@ NAMES = FIELDS.keys()
 def settings_from(values: Mapping[str, Any]) -> Settings:
     """Return the settings for the values of all parameters; raises `InputError` for the first invalid value."""
     v = declaring.checked(values, SPECS)
+    if v["publish.tf"]:
+        class_of("tf2_msgs/msg/TFMessage", "publish.tf")
     v["frame_id"] = v["frame_id"].strip("/")
     if v["terrain.changes"] == "auto":  # maps of sensors and mappers are corrections
         v["terrain.changes"] = "motion" if v["terrain.input"] == "heightmap" else "correction"

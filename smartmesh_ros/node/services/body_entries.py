@@ -9,16 +9,14 @@ its centre starts that far above the ground. ``yaw`` [rad] is the turn about z.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.state import Vector
-from smartmesh_ros.node.parameters.entries import entries_of, name_in, shape_in
+from smartmesh_ros.node.parameters.entries import entries_of, finite, name_in, shape_in
 from smartmesh_ros.world.robots.prepared import PreparedRobot
 
 _PLACE = ("xyz", "xy", "above", "clearance", "align", "yaw")
@@ -74,7 +72,7 @@ def _entry(found: dict[str, Any], _: int) -> Entry:
     if urdf and (own := [key for key in ("shape", "size", "mass") if key in found]):
         raise InputError("parameter", f"a robot has the shapes and masses of its urdf; leave out {', '.join(own)}")
     shape = None if urdf else shape_in(found)
-    mass, yaw = _finite([found.get("mass", 1.0), found.get("yaw", 0.0)], "mass and yaw must be finite numbers")
+    mass, yaw = finite([found.get("mass", 1.0), found.get("yaw", 0.0)], 2, "mass and yaw must be finite numbers")
     place = _place(found)
     if not isinstance(found.get("align", False), bool):
         raise InputError("parameter", f"align is {found['align']!r}; it must be true or false")
@@ -86,18 +84,7 @@ def _entry(found: dict[str, Any], _: int) -> Entry:
 def _place(found: dict[str, Any]) -> dict[str, Any]:
     words = "it needs xyz: [x, y, z], or xy: [x, y] with clearance or above, all of them finite"
     key, count = ("xyz", 3) if "xyz" in found else ("xy", 2)
-    given = found.get(key)
-    if not isinstance(given, list) or len(given) != count:
-        raise InputError("parameter", words)
-    *place, above, clearance = _finite([*given, found.get("above", 0.0), found.get("clearance", 0.0)], words)
+    place = finite(found.get(key), count, words)
+    above, clearance = finite([found.get("above", 0.0), found.get("clearance", 0.0)], 2, words)
     known = {"above": above if "above" in found else None, "clearance": clearance, "align": found.get("align", False)}
     return {key: tuple(place), **known}
-
-
-def _finite(values: list[Any], words: str) -> list[float]:
-    """Return finite numbers; raises `InputError` with ``words`` if they are none."""
-    with suppress(TypeError, ValueError, OverflowError):
-        numbers = [float(value) for value in values]
-        if all(map(math.isfinite, numbers)):
-            return numbers
-    raise InputError("parameter", words)

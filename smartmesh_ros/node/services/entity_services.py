@@ -21,6 +21,7 @@ from smartmesh_ros.node.services.files import allowed_folders, files_in, robot_n
 from smartmesh_ros.node.services.standard import Standard, tagged
 from smartmesh_ros.node.session import REFUSED, require_name
 from smartmesh_ros.world.bodies import Body
+from smartmesh_ros.world.link_frames import frame_state
 from smartmesh_ros.world.paths import expanded
 from smartmesh_ros.world.robots.description import urdf_text
 
@@ -120,10 +121,12 @@ class EntityServices:
         response.result.error_message = "; ".join(wrong)
 
     def _get_poses(self, request: Any, response: Any) -> None:
-        for name, start in self._node.initial.starts.items() if tagged([START_TAG], request.tags) else ():
-            words = f"where {name} starts"
-            pose = self._messages.NamedPose(name=name, description=words, tags=[START_TAG], pose=pose_message(start))
-            response.poses.append(pose)
+        scene = self._node.initial.names if tagged([START_TAG], request.tags) else ()
+        for name, body in self._session.world.bodies.items():
+            if name in scene:
+                found = self._messages.NamedPose(name=name, description=f"where {name} starts", tags=[START_TAG])
+                found.pose = pose_message(frame_state(body.initial, body.inertial))
+                response.poses.append(found)
 
     def _get_pose_bounds(self, _: Any, __: Any) -> None:
         raise InputError("unsupported", "named poses have no bounds here")

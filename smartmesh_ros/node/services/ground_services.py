@@ -48,23 +48,18 @@ class AskedFrame:
         return np.array([rotate(self.transform.rotation, axis) for axis in (X, Y, Z)]).T
 
     def points_w(self, points: FloatArray) -> FloatArray:
-        """Return points (N, 3) [m] in the terrain's frame; z may be infinite if the frame is level."""
-        if self.transform == IDENTITY:
-            return points
-        rotation, translation = self.rotation, np.array(self.transform.translation)
+        """Return points (N, 3) [m] in the terrain's frame."""
         with np.errstate(all="ignore"):  # numbers that are too large are refused afterwards
-            if np.isinf(points[:, 2]).any():
-                flat = points[:, :2] @ rotation[:2, :2].T
-                return np.asarray(np.column_stack([flat, points[:, 2]]) + translation)
-            return np.asarray(points @ rotation.T + translation)
+            return np.asarray(points @ self.rotation.T + self.transform.translation)
 
     def vectors_w(self, vectors: FloatArray) -> FloatArray:
         """Return vectors (N, 3) in the terrain's frame."""
-        return vectors if self.transform == IDENTITY else np.asarray(vectors @ self.rotation.T)
+        with np.errstate(all="ignore"):
+            return np.asarray(vectors @ self.rotation.T)
 
     def vectors(self, vectors_w: FloatArray) -> FloatArray:
         """Return vectors (N, 3) of the terrain's frame in this frame."""
-        return vectors_w if self.transform == IDENTITY else np.asarray(vectors_w @ self.rotation)
+        return np.asarray(vectors_w @ self.rotation)
 
     def require_level(self, frame_id: str) -> None:
         """Raise `InputError` if the frame's z axis is not vertical."""
@@ -129,10 +124,11 @@ class GroundServices:
         if len(x) != len(y) or len(below) not in (0, len(x)):
             words = f"{len(x)} x, {len(y)} y and {len(below)} below"
             raise InputError("length", f"{words}; there must be as many of each, or no below")
-        points = np.column_stack([x, y, below if len(below) else np.full(len(x), np.inf)])
         asked = asked_frame(self._session, self._transforms, request.header)
         asked.require_level(request.header.frame_id)
-        points_w = checked_points(asked.points_w(points))
+        points_w = asked.points_w(np.column_stack([x, y, np.zeros(len(x))]))
+        points_w[:, 2] = below + asked.transform.translation[2] if len(below) else np.inf
+        points_w = checked_points(points_w)
         parts = []
         for part in parts_of(len(points_w), POINTS_IN_TURN):
             with self._session.lock:

@@ -37,15 +37,13 @@ def add_to(world: World, name: str, what: Shape | PreparedRobot, state: BodyStat
 
 class InitialBodies:
     """Entries of ``bodies.spawn``, and entries added later. ``names``: bodies with which the scene begins, in the world
-    or not; those of a restored state may have no entry here. ``starts``: where they were spawned, robots by the frame
-    of the base link. ``refused``: why a body could not be spawned, by name. ``waiting``: names of the bodies that wait
-    for terrain, and whether they are being put onto it."""
+    or not; those of a restored state may have no entry here. ``refused``: why a body could not be spawned, by name.
+    ``waiting``: names of the bodies that wait for terrain, and whether they are being put onto it."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self.entries: dict[str, Entry] = {}
         self.names: set[str] = set()
-        self.starts: dict[str, BodyState] = {}
         self.refused: dict[str, str] = {}
         self.waiting: dict[str, bool] = {}
         for entry in entries_from(session.settings.spawn).values():
@@ -68,16 +66,13 @@ class InitialBodies:
     def start_over(self, entries: Mapping[str, Entry]) -> None:
         """Have other entries, none of whose bodies is in the world; they are spawned by `on_terrain`."""
         self.entries, self.names, self.waiting = dict(entries), {*entries}, dict.fromkeys(entries, False)
-        self.starts.clear()
         self.refused.clear()
 
-    def take_restored(
-        self, waiting: Collection[str], names: Collection[str] | None, starts: Mapping[str, BodyState]
-    ) -> None:
+    def take_restored(self, waiting: Collection[str], names: Collection[str] | None) -> None:
         """Go on after the world was replaced by one for which some bodies were ``waiting``, and which began with bodies
-        of these ``names`` and ``starts``; None: not known. Others that are not in it were removed there."""
+        of these ``names``, None = not known. Others that are not in it were removed there."""
         if names is not None:
-            self.names, self.starts = {*names}, dict(starts)
+            self.names = {*names}
         self.entries = {name: replace(entry) for name, entry in self.entries.items()}  # `_stand` gives up the others
         there = self._session.world.bodies
         self.waiting = {name: False for name in self.entries if name in waiting and name not in there}
@@ -93,7 +88,6 @@ class InitialBodies:
         if what is None or math.isnan(position[2]):
             return False
         add_to(world, entry.name, what, BodyState(position, about(Z, entry.yaw)), entry)
-        self.starts[entry.name] = world.base_state(entry.name)
         return True
 
     def replace(self, entry: Entry) -> None:

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import os
 from array import array
-from collections.abc import Iterator
-from dataclasses import astuple, fields, is_dataclass
+from dataclasses import asdict, astuple
 from pathlib import Path
 from typing import Any
 
 from smartmesh_msgs.srv import RestoreState, SaveState, StartEpisode
 
 from smartmesh_ros.errors import InputError, listed
-from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.node.parameters.helping import flat
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.soil.config import SoilType, soils_from
@@ -44,7 +43,6 @@ class StateServices:
         extra: dict[str, Any] = {
             "frame_id": self._session.frame_id, "waiting": [*initial.waiting], "described": bool(robot.urdf),
             "names": sorted(initial.names), "bases": bases,
-            "starts": {name: [*at.position, *at.orientation] for name, at in initial.starts.items()},
         }  # fmt: skip
         data = self._session.world.save(file, extra=extra)
         self._take(**_checked(**extra))
@@ -78,15 +76,13 @@ class StateServices:
 
 
 def _checked(
-    frame_id: str = "", waiting: Any = (), described: Any = False, bases: Any = (), names: Any = None, starts: Any = ()
+    frame_id: str = "", waiting: Any = (), described: Any = False, bases: Any = (), names: Any = None, **_: Any
 ) -> dict[str, Any]:
     """Return what was saved with a state, of the types that it must have. Raises errors of Python."""
     memories = {str(name): BaseMemory(*map(float, memory)) for name, memory in dict(bases).items()}
-    poses = {str(name): [*map(float, pose)] for name, pose in dict(starts).items()}
     return {
         "frame_id": str(frame_id), "waiting": [*map(str, waiting)], "described": bool(described), "bases": memories,
         "names": None if names is None else [*map(str, names)],
-        "starts": {name: BodyState((x, y, z), (a, b, c, w)) for name, (x, y, z, a, b, c, w) in poses.items()},
     }  # fmt: skip
 
 
@@ -98,7 +94,7 @@ def _file_of(name: str) -> Path:
 
 def _require_same_settings(state: WorldState, settings: Settings) -> None:
     """Raise `InputError` if a state was saved with other parameters, because the run would evolve differently."""
-    found = [*_differences("", state.config, settings.world)]
+    found = _differences("", state.config, settings.world)
     for mesh in state.terrain.meshes:
         found += _differences("terrain.", mesh.motion, settings.motion)
     soils = [] if state.soil is None else [SoilType(**soil) for soil in state.soil["soils"]]
@@ -112,11 +108,7 @@ def _require_same_settings(state: WorldState, settings: Settings) -> None:
         raise InputError("parameter", f"the state was saved with other parameters: {named}; set them as there before")
 
 
-def _differences(name: str, there: Any, here: Any) -> Iterator[str]:
-    """Yield the settings that are different in two configurations of the same kind."""
-    for field in fields(there):
-        one, other = getattr(there, field.name), getattr(here, field.name)
-        if is_dataclass(one) and type(one) is type(other):
-            yield from _differences(f"{name}{field.name}.", one, other)
-        elif one != other:
-            yield f"{name}{field.name} ({one!r} there, {other!r} here)"
+def _differences(group: str, there: Any, here: Any) -> list[str]:
+    ours = dict(flat(asdict(here), group))
+    values = ((name, value, ours.get(name)) for name, value in flat(asdict(there), group))
+    return [f"{name} ({value!r} there, {own!r} here)" for name, value, own in values if value != own]

@@ -23,7 +23,7 @@ from rclpy.serialization import deserialize_message
 from rclpy.utilities import try_shutdown
 from rclpy.validate_full_topic_name import validate_full_topic_name
 from smartmesh_msgs.msg import ColliderPatchArray, Timing
-from smartmesh_msgs.srv import RemoveBodies, SpawnBody, StepPhysics
+from smartmesh_msgs.srv import RemoveBodies, SpawnBodies, SpawnBody, StepPhysics
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
@@ -42,7 +42,8 @@ OUTPUTS: dict[str, Any] = {
     **KINDS, "collider_patches": ColliderPatchArray, "scene": MarkerArray, "timing": Timing,
 }  # fmt: skip
 SERVICES = {
-    "pause": SetBool, "step": StepPhysics, "reset": Trigger, "spawn_body": SpawnBody, "remove_bodies": RemoveBodies,
+    "pause": SetBool, "step": StepPhysics, "reset": Trigger, "spawn_body": SpawnBody,
+    "spawn_bodies": SpawnBodies, "remove_bodies": RemoveBodies,
 }  # fmt: skip
 # Topics of which only the newest message is shown; of the others every region and tile counts.
 NEWEST = KINDS.keys() - {"odometry"}
@@ -240,11 +241,12 @@ class Remote:
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         own = f"{self.name.strip('/')}: "
         tasks = {status.name.removeprefix(own): status for status in message.status if status.name.startswith(own)}
-        if "physics" not in tasks:
+        if not tasks:
             return  # another node's
         self.counts["diagnostics"] += 1
         self.tasks = tasks
-        self.paused = any(pair.key == "paused" and pair.value == "True" for pair in tasks["physics"].values)
+        if "physics" in tasks:  # not of a fleet's front
+            self.paused = any(pair.key == "paused" and pair.value == "True" for pair in tasks["physics"].values)
         self.warnings = []
         for task, status in tasks.items():
             if status.level != DiagnosticStatus.OK:

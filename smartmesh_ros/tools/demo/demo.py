@@ -24,13 +24,13 @@ from shape_msgs.msg import SolidPrimitive
 from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.node.fleet.command import processes
 from smartmesh_ros.scenes.eight import robot_file
 from smartmesh_ros.startup.arguments import Parser, make_folder, number
 from smartmesh_ros.startup.dds import isolated_unless_chosen
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.client.remote import OUTPUTS, Remote, following
 from smartmesh_ros.tools.demo.frame import Frame
+from smartmesh_ros.tools.fleet import processes
 from smartmesh_ros.tools.messages import pose_message
 
 SOURCE = {

@@ -32,12 +32,6 @@ def read_parameters(files: Sequence[Path], single: Sequence[str], node: str) -> 
     return values
 
 
-def flat(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return parameters, which may be in groups as in a file, by their full names."""
-    [(_, found)] = parameters_by_node({PARAMETERS: dict(values)})
-    return found
-
-
 def require_known(names: Iterable[str]) -> None:
     """Raise `InputError` if one of the ``names`` is no parameter of the node."""
     for name in names:
