@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from smartmesh_ros.terrain.grid import GridGeometry
+from smartmesh_ros.terrain.motion import INTERVALS_KEPT
 
 # Displacement of a corner that counts as motion, and tolerance for moves by a whole number of cells [cells].
 OFF_GRID = 0.01
@@ -40,8 +41,8 @@ class GridTrack(NamedTuple):
     """Pose of a grid at its last whole map, and its motion.
 
     ``geometry``, ``time`` [s]: of the last map. ``reference``, ``since`` [s]: pose and time at which motion was last
-    detected; the next motion is measured from there. ``motion``: at the last map. ``interval`` [s]: between the last
-    two maps, zero at rest.
+    detected; the next motion is measured from there. ``motion``: at the last map. ``intervals`` [s]: between the last
+    maps, newest first, none at rest.
     """
 
     geometry: GridGeometry
@@ -49,7 +50,12 @@ class GridTrack(NamedTuple):
     reference: GridGeometry
     since: float
     motion: RigidMotion = STILL
-    interval: float = 0.0
+    intervals: tuple[float, ...] = ()
+
+    @property
+    def interval(self) -> float:
+        """Longest expected time until the next map [s], as of blocks of samples; zero at rest."""
+        return max(self.intervals, default=0.0)
 
     @property
     def moves(self) -> bool:
@@ -120,17 +126,18 @@ def follow(
         return rests, shared
     if cells != (0, 0) and cells is not None and not _goes_on(track, step, interval):
         return rests, shared
+    intervals = (interval, *track.intervals)[:INTERVALS_KEPT]
     if _largest(_corner_moves(track.reference, *place)) <= OFF_GRID:
         expected = _corner_moves(track.reference, *moved_on(track.reference, track.motion, time - track.since))
         if track.moves and _largest(expected) > OVERDUE:
             return rests, (0, 0)
-        return track._replace(geometry=geometry, time=time, interval=interval if track.moves else 0.0), (0, 0)
+        return track._replace(geometry=geometry, time=time, intervals=intervals if track.moves else ()), (0, 0)
     arc = _largest(step) * geometry.resolution / _chord(math.remainder(geometry.yaw - track.geometry.yaw, math.tau))
     if arc > max_velocity * interval:
         return rests, None
     # A grid at rest starts to move after its last map.
     first, since = (track.reference, track.since) if track.moves else (track.geometry, track.time)
-    return GridTrack(geometry, time, geometry, time, motion_between(first, geometry, time - since), interval), (0, 0)
+    return GridTrack(geometry, time, geometry, time, motion_between(first, geometry, time - since), intervals), (0, 0)
 
 
 def _goes_on(track: GridTrack, step: tuple[float, ...], interval: float) -> bool:

@@ -93,7 +93,7 @@ class HeightMap(MovingHeights):
         motion = RigidMotion(*velocity_w, spin)
         self.track = at_rest(self.geometry, self.time)
         if motion != STILL:
-            self.track = self.track._replace(motion=motion, interval=interval)
+            self.track = self.track._replace(motion=motion, intervals=(interval,))
 
     def press(self, places: IntArray, heights: NDArray[np.float32]) -> None:
         """Write the ``heights`` (n,) [m] to which bodies pressed the samples at ``places`` (n, 2), rows and columns.

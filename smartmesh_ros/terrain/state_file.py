@@ -22,7 +22,7 @@ import numpy as np
 from smartmesh_ros.errors import InputError
 
 # Version of the contents. A file of another one is refused.
-VERSION = 6
+VERSION = 7
 FORMAT = "smartmesh_ros state"
 # A zip file ends with its comment: this and the digest of all bytes before it, in hexadecimal.
 MARK = b"smartmesh_ros state, sha256 "

@@ -1,12 +1,13 @@
 """Belts and turntables take along what stands on them: maps that are elsewhere at each time."""
 
+import itertools
 import math
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, Box, GridGeometry, HeightMap, Terrain, World
+from smartmesh_ros import BodyState, Box, Deck, GridGeometry, HeightMap, Terrain, World
 from smartmesh_ros.ground.shapes import Shape
 from tests.bodies import about_z, rotation
 from tests.grounds import add
@@ -81,3 +82,57 @@ def test_what_was_taken_along_by_a_map_that_turns_does_not_creep(
     begin, end = (rotation(about_z(time)).T @ found(time).position for time in (1.0, 3.0))
     assert end == pytest.approx(begin, abs=error)
     assert found(3.0).angular == pytest.approx((0.0, 0.0, 1.0), abs=1e-3)
+
+
+SPEED = 0.8  # [m/s], [rad/s]
+# Intervals between what is told of the ground, again and again [s].
+INTERVALS = {
+    "by turns": (0.0045, 0.0288),
+    "twice, a millisecond apart": (0.001, 0.0157),
+    "one in five is lost": (1 / 60, 1 / 60, 1 / 60, 1 / 60, 2 / 60),
+}
+
+
+def slide(time: float) -> tuple[float, float, float]:
+    return SPEED * time, 0.0, 0.0
+
+
+def turn(time: float) -> tuple[float, float, float]:
+    return 0.0, 0.0, SPEED * time
+
+
+@pytest.mark.parametrize("intervals", INTERVALS.values(), ids=INTERVALS)
+@pytest.mark.parametrize(
+    ("place", "is_deck"), [(slide, False), (turn, False), (slide, True), (turn, True)],
+    ids=["slides", "turns", "deck slides", "deck turns"],
+)  # fmt: skip
+def test_ground_that_moves_evenly_takes_a_box_along_whenever_it_is_told(
+    place: Place, is_deck: bool, intervals: tuple[float, ...]
+) -> None:
+    terrain = Terrain()
+    if is_deck:
+        terrain.put("deck", Deck(belt(slide, 0.0), thickness=1.0))
+
+    def at(time: float) -> np.ndarray:
+        """Where the box should be."""
+        x, y, yaw = place(time)
+        return np.asarray(rotation(about_z(yaw)) @ (0.5, 0.0, 0.1) + (x, y, 0.0))
+
+    times = itertools.accumulate(itertools.cycle(intervals), initial=0.0)
+    told = next(times)
+    with World(terrain) as world:
+        for step in range(360):
+            while told <= world.time:
+                x, y, yaw = place(told)
+                if is_deck:
+                    terrain.deck("deck").move((x, y, 0.0), about_z(yaw), time=told)
+                else:
+                    terrain.put("", belt(place, told))
+                told = next(times)
+            if step == 120:
+                linear = (at(world.time + 1e-4) - at(world.time - 1e-4)) / 2e-4
+                spin = (0.0, 0.0, SPEED if place is turn else 0.0)
+                state = BodyState(tuple(at(world.time)), about_z(place(world.time)[2]), tuple(linear), spin)
+                world.spawn("box", BOX, 1.0, state)
+            world.step()
+        assert world.state("box").position == pytest.approx(at(world.time), abs=5e-4)

@@ -9,9 +9,11 @@ namespace smartmesh {
 
 namespace {
 
-// Age of the last sample up to which a frame moves on, in intervals between samples, and the further time in which it
-// stops.
+// Age of the last sample up to which a frame moves on, in longest intervals between samples, and the further time in
+// which it stops.
 constexpr double LATE_AFTER = 1.5, STOPS_IN = 3.0;
+// Longer intervals before the last one were pauses [s], as `max_interval` says of maps.
+constexpr double LONGEST_INTERVAL = 0.25;
 
 // Returns the rotation by a vector: about its direction, by its length [rad].
 Quaternion quaternion_of(const Vec3& v) {
@@ -61,8 +63,8 @@ void FrameMotion::note(const FrameSample& sample) {
   if (known == 0.0 || sample.time < time()) return put(sample);
   if (rests_at(sample)) return;
   if (sample.time != time()) {
-    std::copy_backward(samples, samples + 3, samples + 4);
-    known = std::min(known + 1.0, 4.0);
+    std::copy_backward(samples, samples + INTERVALS_KEPT, samples + INTERVALS_KEPT + 1);
+    known = std::min(known + 1.0, INTERVALS_KEPT + 1.0);
   }
   samples[0] = sample, samples[0].orientation = normalised(sample.orientation);
   if (known > 1.0)
@@ -85,7 +87,11 @@ void FrameMotion::estimate() {
   const FrameSample &now = samples[0], &before = samples[1];
   const double interval = now.time - before.time;
   const FrameVelocity last = between(before, now);
-  lasts = LATE_AFTER * interval, change = {};
+  double longest = interval;
+  for (int k = 1; k + 1 < known; ++k)
+    if (const double earlier = samples[k].time - samples[k + 1].time; earlier <= LONGEST_INTERVAL)
+      longest = std::max(longest, earlier);
+  lasts = LATE_AFTER * longest, change = {};
   const bool is_told = now.is_told != 0.0;
   if (!is_told && !(norm(last.linear) <= fastest)) return put(FrameSample(now));
   int alike = 1;  // samples that tell their velocities, or do not
@@ -164,7 +170,7 @@ bool FrameMotion::moves(double time) const {
 bool FrameMotion::recall(const FrameMemory& memory) {
   const auto *first = reinterpret_cast<const double*>(&memory.velocity),
              *end = reinterpret_cast<const double*>(&memory + 1);
-  if (!(memory.known >= 0.0 && memory.known <= 4.0 && memory.lasts >= 0.0)) return false;
+  if (!(memory.known >= 0.0 && memory.known <= INTERVALS_KEPT + 1.0 && memory.lasts >= 0.0)) return false;
   if (!std::all_of(first, end, [](double number) { return std::isfinite(number); })) return false;
   static_cast<FrameMemory&>(*this) = memory, known = std::floor(memory.known);
   revision_ = next_revision();

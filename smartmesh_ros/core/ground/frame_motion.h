@@ -1,6 +1,7 @@
 // Motion of a frame with all six degrees of freedom, second order in time.
 #pragma once
 
+#include "map/motion.h"
 #include "math/rotation.h"
 #include "math/vec3.h"
 
@@ -41,7 +42,7 @@ struct FrameSample {
 struct FrameMemory {
   double known = 0.0, lasts = 0.0;
   FrameVelocity velocity, change;
-  FrameSample samples[4];
+  FrameSample samples[INTERVALS_KEPT + 1];
 };
 
 // From the last sample on a frame moves with a constant acceleration and angular acceleration, which come from the last
