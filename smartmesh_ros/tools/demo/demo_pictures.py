@@ -15,12 +15,10 @@ from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from smartmesh_ros.tools.demo.frame import Frame
+from smartmesh_ros.tools.demo.demo import Frame
 
 # Ground drawn beyond the outermost bodies [m].
 MARGIN = 2.0
-# Frames of the clip between two lines about it.
-TOLD_EVERY = 10
 COLOURS = colormaps["gist_earth"]
 # Extension of the colour range below the lowest height, as a fraction of the height range. It skips the blue part of
 # the colour map, which would look like water.
@@ -33,8 +31,7 @@ Window = tuple[tuple[float, float], tuple[float, float]]
 
 
 def draw(frames: list[Frame], folder: Path) -> Iterator[Path]:
-    """Write a picture of six frames and a clip into a folder that exists; yield each path once it is written. Prints
-    how far the clip is."""
+    """Write a picture of six frames and a clip into a folder that exists; yield each path once it is written."""
     yield _picture(frames, folder / "demo.png")
     yield _clip(frames, folder / "demo.gif")
 
@@ -104,9 +101,7 @@ def _clip(frames: list[Frame], path: Path) -> Path:
     figure = Figure(figsize=(5, 5), dpi=80, layout="constrained")
     axes, writer = figure.subplots(), PillowWriter(fps=6)
     with writer.saving(figure, path, figure.dpi):
-        for index, frame in enumerate(chosen):
-            if index and index % TOLD_EVERY == 0:
-                print(f"{index} of {len(chosen)} frames of the clip", flush=True)
+        for frame in chosen:
             axes.clear()
             _plan(axes, frame, window)
             writer.grab_frame()
