@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from std_msgs.msg import Header
 
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.scenes.eight import robot_file
@@ -31,8 +30,8 @@ def messages(seconds: float) -> Iterator[tuple[str, float, Any]]:
     rate = float(SOURCE["rate"])  # type: ignore[arg-type]
     for number in range(math.floor(seconds * rate)):
         time = START + number / rate
-        header = Header(stamp=stamp_of(time), frame_id="map")
-        yield "/terrain_collider/heightmap", time, map_of(header, scene.geometry, scene.heights(number / rate))
+        message = map_of(scene.geometry, scene.heights(number / rate), stamp_of(time))
+        yield "/terrain_collider/heightmap", time, message
         if number % round(rate / COMMAND_RATE) == 0:
             yield "/terrain_collider/joint_commands", time, DRIVE
 

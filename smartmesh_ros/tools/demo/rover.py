@@ -12,9 +12,8 @@ from typing import Any
 from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import Heightmap, TrackedBodyArray
 from smartmesh_msgs.srv import SpawnBody
-from std_msgs.msg import Header
 
-from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
+from smartmesh_ros.node.parameters.declaring import ParameterNode
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.transport import LATCHED
@@ -22,7 +21,7 @@ from smartmesh_ros.scenes import eight
 from smartmesh_ros.tools.demo.terrain_source import map_of
 
 NAME, ROBOT = "rover", "rover"
-SPECS = (fixed("frame_id", "map", "Frame of the terrain."),)
+SPECS = ()
 # Period of the checks for a subscriber of the map and for the spawn service [s].
 PERIOD = 0.2
 # Time after which a call without an answer is repeated [s]: the collider may have been killed while it had the call.
@@ -46,8 +45,8 @@ class Rover(ParameterNode):
     def _start(self) -> None:
         if not self._has_published:
             if self._maps.get_subscription_count():
-                header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self.values["frame_id"])
-                self._maps.publish(map_of(header, self._ground.geometry, self._ground.heights))
+                stamp = self.get_clock().now().to_msg()
+                self._maps.publish(map_of(self._ground.geometry, self._ground.heights, stamp))
                 self._has_published = True
         elif monotonic() >= self._call_at and self._spawner.service_is_ready():
             self._call_at = monotonic() + PATIENCE

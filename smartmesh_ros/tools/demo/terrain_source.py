@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
 from typing import Any
 
 from rclpy.time import Time
@@ -33,13 +31,10 @@ SPECS = (
     fixed("rows", 201, "Rows of the map; ignored for scene elevation.", 3, 16384),
     fixed("columns", 201, "Columns of the map; ignored for scene elevation.", 3, 16384),
     fixed("resolution", 0.25, "Distance between samples [m].", 0.001, 1000.0),
-    fixed("yaw", 0.0, "Rotation of the map about z [rad].", -math.pi, math.pi),
     fixed("relief", 10.0, "Height of the elevation model from its lowest to its highest sample [m].", 0.0, 1.0e4),
     fixed("wave.amplitude", _WAVE.amplitude, "Amplitude of the waves [m].", 0.0, 100.0),
     fixed("wave.number", _WAVE.number, "Wave number [rad/m].", 0.0, 100.0),
     fixed("wave.frequency", _WAVE.frequency, "Angular frequency [rad/s].", -1000.0, 1000.0),
-    fixed("frame_id", "map", "Frame of the terrain."),
-    fixed("tile", "", "Name of the tile; empty = the single map."),
 )
 
 
@@ -49,7 +44,6 @@ class TerrainSource(ParameterNode):
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, SPECS, **node_options)
         values = self.values
-        self._frame_id, self._tile, self._mode = values["frame_id"], values["tile"], values["mode"]
         self._scene = make_scene(values)
         self._maps = self.create_publisher(Heightmap, "terrain_collider/heightmap", LATCHED)
         self._regions = self.create_publisher(HeightmapUpdate, "terrain_collider/heightmap_update", 100)
@@ -63,25 +57,23 @@ class TerrainSource(ParameterNode):
         now = self.get_clock().now()
         self._start = self._start or now
         time = (now - self._start).nanoseconds * 1e-9
-        header = Header(stamp=now.to_msg(), frame_id=self._frame_id)
         listeners = self._maps.get_subscription_count()
         went_back = time < self._time
-        if self._mode == "full" or listeners > self._listeners or went_back or time >= self._full_due:
+        if self.values["mode"] == "full" or listeners > self._listeners or went_back or time >= self._full_due:
             self._full_due = time + FULL_PERIOD
-            heights = self._scene.heights(time)
-            self._maps.publish(map_of(header, self._scene.geometry, heights, self._tile))
+            self._maps.publish(map_of(self._scene.geometry, self._scene.heights(time), now.to_msg()))
         else:
             row, column, part = self._scene.changed(time)
-            message = HeightmapUpdate(header=header, tile=self._tile, x=column, y=row, heights=floats(part))
+            header = Header(stamp=now.to_msg(), frame_id="map")
+            message = HeightmapUpdate(header=header, x=column, y=row, heights=floats(part))
             message.height, message.width = part.shape
             self._regions.publish(message)
         self._listeners, self._time = listeners, time
 
 
-def map_of(header: Header, geometry: GridGeometry, heights: Any, tile: str = "") -> Heightmap:
-    """Return heights (rows, columns) [m] as a message."""
-    grid: dict[str, Any] = {"resolution": geometry.resolution, "origin": geometry.origin, "yaw": geometry.yaw}
-    return heightmap_message(heights, **grid, frame_id=header.frame_id, stamp=header.stamp, tile=tile)
+def map_of(geometry: GridGeometry, heights: Any, stamp: Any) -> Heightmap:
+    """Return heights (rows, columns) [m] as a message in the frame "map"; the grid is not turned."""
+    return heightmap_message(heights, resolution=geometry.resolution, origin=geometry.origin, stamp=stamp)
 
 
 def make_scene(values: dict[str, Any]) -> Scene:
@@ -91,9 +83,9 @@ def make_scene(values: dict[str, Any]) -> Scene:
     if values["scene"] == "elevation":
         relief = jacksboro_fault(values["relief"])
         rows, columns = relief.shape
-    cornered = GridGeometry(rows=rows, columns=columns, resolution=values["resolution"], yaw=values["yaw"])
-    x, y = cornered.to_world(0.5 * (rows - 1), 0.5 * (columns - 1))  # its middle
-    geometry = replace(cornered, origin=(-x, -y, 0.0))
+    resolution = values["resolution"]
+    corner = (-0.5 * (columns - 1) * resolution, -0.5 * (rows - 1) * resolution, 0.0)
+    geometry = GridGeometry(rows=rows, columns=columns, resolution=resolution, origin=corner)
     if values["scene"] not in ("waves", "elevation"):
         return make_ground(geometry, values["scene"])
     wave = Wave(values["wave.amplitude"], values["wave.number"], values["wave.frequency"])
