@@ -27,8 +27,7 @@ class Patch:
     [m]: z is NaN in a hole. ``triangles`` (T, 3): counter-clockwise from above. ``linear_w`` [m/s], ``angular_w``
     [rad/s], (3,): the ground's twist at the centre sample. ``deviation`` [m]: bound of the vertical distance to the
     terrain where the body can touch it, at the stamp; NaN = unknown. ``stamp`` [s]: instant of the last message, on the
-    node's ROS clock. ``age`` [s]: time from the stamp to the requested instant. ``moved`` [s]: time by which the
-    vertices were extrapolated; the client limits it.
+    node's ROS clock. ``age`` [s]: time from the stamp to the requested instant.
     """
 
     name: str
@@ -44,7 +43,6 @@ class Patch:
     triangles: NDArray[np.uint32]
     stamp: float = 0.0
     age: float = 0.0
-    moved: float = 0.0
 
     @cached_property
     def shape(self) -> tuple[int, int] | None:
@@ -72,14 +70,14 @@ class Patch:
         other ``changes`` of fields. The cached shape and centre are reused."""
         vertices = self.vertices_w
         if not len(vertices):
-            return replace(self, moved=self.moved + time, **changes)
+            return replace(self, **changes)
         if time and (self.linear_w.any() or self.angular_w.any()):
             x, y, z = self.angular_w.tolist()
             away = vertices[:, :2] - vertices[self.centre, :2]
             # A height field moves vertically, so height differences must not cause horizontal motion.
             turning = away @ np.array([[0.0, z, -y], [-z, 0.0, x]])
             vertices = vertices + time * (self.linear_w + turning)
-        copy = replace(self, vertices_w=vertices, moved=self.moved + time, **changes)
+        copy = replace(self, vertices_w=vertices, **changes)
         copy.__dict__.update(shape=self.shape, centre=self.centre)
         return copy
 

@@ -20,10 +20,10 @@ from rclpy.utilities import try_shutdown
 from smartmesh_msgs.msg import ColliderPatchArray, TrackedBody, TrackedBodyArray
 
 from smartmesh_ros.errors import InputError, require_body_name
+from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.tools.client.patch import Patch, read_patches
 from smartmesh_ros.tools.messages import DEPTH
 
-Vector = tuple[float, float, float]
 # Reliable and deep, because an incremental message must not be lost.
 QOS = QoSProfile(depth=DEPTH)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from functools import partial
@@ -85,9 +85,9 @@ class Remote:
 
     ``runs``: a name of each run of the node that is discovered: a killed one stays for a while beside the next.
     ``ground``: its terrain. ``sight``: bodies, patches and contacts. ``timings``: messages of ~/timing with their
-    arrival [s]. ``counts``: received messages by topic. ``tasks``: the newest diagnostics, and ``warnings`` of these.
-    ``log``: last warnings of the log. ``paused``: None = unknown. ``clients``: of `SERVICES`. ``changed_parameters``:
-    changed values by name, until the reader replaces the dictionary.
+    arrival [s]. ``tasks``: the newest diagnostics, and ``warnings`` of these. ``log``: last warnings of the log.
+    ``paused``: None = unknown. ``clients``: of `SERVICES`. ``changed_parameters``: changed values by name, until the
+    reader replaces the dictionary.
     """
 
     def __init__(self, name: str, patience: float = PATIENCE) -> None:
@@ -102,7 +102,6 @@ class Remote:
         self._executor = EventsExecutor()
         self._executor.add_node(self.node)
         self.timings: deque[tuple[float, Any]] = deque(maxlen=TIMINGS)
-        self.counts: Counter[str] = Counter()
         self.log: deque[str] = deque(maxlen=LOG_LINES)
         self.changed_parameters: dict[str, Any] = {}
         self.parameters = AsyncParameterClient(self.node, name)
@@ -230,7 +229,6 @@ class Remote:
                 self._subscriptions[topic] = made, counts[topic]
 
     def _take(self, topic: str, data: bytes) -> None:
-        self.counts[topic] += 1
         if topic not in MAPS:
             self._new.setdefault(topic, deque(maxlen=1 if topic in NEWEST else DEPTH)).append(data)
             return
@@ -243,7 +241,6 @@ class Remote:
         tasks = {status.name.removeprefix(own): status for status in message.status if status.name.startswith(own)}
         if not tasks:
             return  # another node's
-        self.counts["diagnostics"] += 1
         self.tasks = tasks
         if "physics" in tasks:  # not of a fleet's front
             self.paused = any(pair.key == "paused" and pair.value == "True" for pair in tasks["physics"].values)

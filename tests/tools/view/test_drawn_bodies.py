@@ -2,7 +2,7 @@
 
 import io
 import math
-from collections import Counter, deque
+from collections import deque
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -54,7 +54,7 @@ def batches(server: Any, sight: Sight, scene: Scene | None = None) -> list[Any]:
 def test_malformed_messages_are_skipped() -> None:
     """Anybody may publish on the topics of the node's inputs, and the node refuses what is malformed."""
     remote = Remote.__new__(Remote)
-    remote.ground, remote.sight, remote.counts, remote._new = Ground(), Sight(), Counter(), {}
+    remote.ground, remote.sight, remote._new = Ground(), Sight(), {}
     for topic in KINDS:
         remote._new[topic] = deque([serialize_message(TrackedBodyArray(bodies=[TrackedBody(id="a")]))[:-4], b""])
     remote._take("collider_patches", b"")
