@@ -123,7 +123,6 @@ class Demo:
         return int(self._value("bodies", "put back onto the ground"))
 
     def _value(self, task: str, key: str) -> str:
-        """Return the value of a key in a task of the node's diagnostics."""
         return next(str(pair.value) for pair in self.remote.tasks[task].values if pair.key == key)
 
     def line(self) -> str:

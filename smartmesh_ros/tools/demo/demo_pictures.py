@@ -64,7 +64,6 @@ def _mark(name: str) -> dict[str, Any]:
 
 
 def _plan(axes: Any, frame: Frame, window: Window) -> None:
-    """Draw the ground, the patches and the bodies of a window from above."""
     ends = (np.searchsorted(*axis) for axis in zip((frame.x, frame.y), window, strict=True))
     columns, rows = (slice(max(first - 1, 0), last + 1) for first, last in ends)  # to the samples beside the window
     x, y = frame.x[columns], frame.y[rows]
@@ -79,7 +78,6 @@ def _plan(axes: Any, frame: Frame, window: Window) -> None:
 
 
 def _picture(frames: list[Frame], path: Path) -> Path:
-    """Draw six frames from above, with a legend; return ``path``."""
     chosen = [frames[int(index)] for index in np.linspace(0, len(frames) - 1, 6)]
     window = window_of(frames)
     figure = Figure(figsize=(12, 8.8), dpi=100, layout="constrained")

@@ -53,7 +53,6 @@ class TerrainSource(ParameterNode):
         self.create_timer(1.0 / values["rate"], self._tick)
 
     def _tick(self) -> None:
-        """Publish the terrain at the present time."""
         now = self.get_clock().now()
         self._start = self._start or now
         time = (now - self._start).nanoseconds * 1e-9

@@ -68,7 +68,6 @@ class TerrainScore(ParameterNode):
         self.create_timer(PERIOD, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _on_message(self, kind: Any, topic: str, data: bytes) -> None:
-        """Take a message of a topic; tell and count what is refused."""
         self._came[topic] = monotonic()
         try:
             message = message_from(data, kind)
@@ -125,7 +124,6 @@ class TerrainScore(ParameterNode):
         self._status.publish(message)
 
     def _state(self) -> tuple[bytes, str]:
-        """Return the level and the words of the diagnostics."""
         for topic, source in ((TRUTH, "no truth"), (MAP, "the mapper is silent: no map")):
             name, came = self.resolve_topic_name(topic), self._came.get(topic)
             if came is None:

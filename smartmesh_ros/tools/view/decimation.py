@@ -51,7 +51,6 @@ def decimate(
 
 
 def _counts(shape: tuple[int, int], size: int) -> tuple[int, ...]:
-    """Return the numbers of cells of ``size`` samples along rows and columns."""
     return tuple(-(-(count - 1) // size) for count in shape)
 
 

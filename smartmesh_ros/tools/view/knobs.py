@@ -170,7 +170,6 @@ class KnobPanel:
             self._refuse(name, str(error))
 
     def _refuse(self, name: str, reason: str) -> None:
-        """Show the reason, and restore the node's value."""
         self._knobs[name][1].value = self._values[name]
         for client in self._server.get_clients().values():
             client.add_notification(f"{name} is refused:", reason, color="red")

@@ -125,7 +125,6 @@ class TerrainScene:
         self._reliefs = {name: relief for name, relief in self._reliefs.items() if name in ground.tiles}
 
     def _frame_of(self, deck: str, pose: Pose) -> str:
-        """Move the frame of a deck, under which its tiles are drawn; return its path."""
         path = f"/decks/{deck}"
         if deck not in self._frames:
             self._frames[deck] = self._scene.add_frame(path, show_axes=False)
