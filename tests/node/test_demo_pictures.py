@@ -14,8 +14,7 @@ from matplotlib.image import imread
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.demo import demo, demo_pictures
-from smartmesh_ros.tools.demo.demo import Frame
-from smartmesh_ros.tools.demo.demo_pictures import BODY_COLOURS
+from smartmesh_ros.tools.demo.demo_pictures import BODY_COLOURS, Frame
 
 SIDE = 101  # samples of 0.5 m
 # Balls and boxes in the middle, and a robot that has driven far away.

@@ -13,14 +13,12 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from ament_index_python.packages import get_package_prefix
-from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 from shape_msgs.msg import SolidPrimitive
 
@@ -32,6 +30,9 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.client.remote import OUTPUTS, Remote, following
 from smartmesh_ros.tools.fleet import processes
 from smartmesh_ros.tools.messages import pose_message
+
+if TYPE_CHECKING:
+    from smartmesh_ros.tools.demo.demo_pictures import Frame
 
 SOURCE = {
     "scene": "elevation", "rate": 30.0, "resolution": 0.25, "relief": 3.0,
@@ -54,19 +55,6 @@ PLACES = [
 ]
 
 
-@dataclass(frozen=True)
-class Frame:
-    """The scene at a ``time`` [s]: ``heights`` (n, m) [m] of the ground in rows at ``y`` (n,) and columns at ``x`` (m,)
-    [m], ``triangles`` of the patches (T, 3, 3) [m], and positions [m] of the ``bodies`` by name."""
-
-    time: float
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    heights: NDArray[np.float32]
-    triangles: NDArray[np.float64]
-    bodies: dict[str, tuple[float, float, float]]
-
-
 class Demo:
     """Spawns bodies, drives the robot and tells the state, over a ``remote`` of the collider. ``nodes``: processes that
     must run, by name."""
@@ -83,6 +71,8 @@ class Demo:
 
     def frame(self, time: float) -> Frame:
         """Return what to draw at ``time`` [s] of the demo, of what was taken last."""
+        from smartmesh_ros.tools.demo.demo_pictures import Frame  # needs Matplotlib
+
         sight, tile = self.remote.sight, self.remote.ground.tiles[""]
         assert isinstance(tile, HeightMap)
         grid = tile.geometry

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,6 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-
-from smartmesh_ros.tools.demo.demo import Frame
 
 # Ground drawn beyond the outermost bodies [m].
 MARGIN = 2.0
@@ -28,6 +27,19 @@ BODY_COLOURS = {"ball": "#1f4e9c", "box": "#7a1f6b", "can": "#0b6b4f", "husky": 
 OTHER_COLOUR, EDGES = "#202020", "#4d2600"
 # Bounds in x and y of a part of the ground [m].
 Window = tuple[tuple[float, float], tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The scene at a ``time`` [s]: ``heights`` (n, m) [m] of the ground in rows at ``y`` (n,) and columns at ``x`` (m,)
+    [m], ``triangles`` of the patches (T, 3, 3) [m], and positions [m] of the ``bodies`` by name."""
+
+    time: float
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    heights: NDArray[np.float32]
+    triangles: NDArray[np.float64]
+    bodies: dict[str, tuple[float, float, float]]
 
 
 def draw(frames: list[Frame], folder: Path) -> Iterator[Path]:
