@@ -39,16 +39,6 @@ class Case:
     length: float
     settle: float
 
-    @property
-    def name(self) -> str:
-        """Short name for files."""
-        return self.source.stem
-
-    @property
-    def horizon(self) -> float:
-        """Time at which bodies are compared with a run at small steps [s]; later, contacts make motion chaotic."""
-        return min(1.0, self.length)
-
     def start(self, values: Mapping[str, Any]) -> tuple[Replay, SceneGround | RecordedGround]:
         """Return a replay with these parameters at its beginning, and its true ground; raise `InputError`."""
         parameters = {**self.parameters, **values}

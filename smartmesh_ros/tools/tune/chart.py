@@ -9,8 +9,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from smartmesh_ros.tools.tune.figures import Figures
-from smartmesh_ros.tools.tune.grid import front
+from smartmesh_ros.tools.tune.figures import Figures, front
 from smartmesh_ros.tools.tune.report import Result
 
 

@@ -13,14 +13,13 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from smartmesh_ros.errors import InputError
-from smartmesh_ros.startup.arguments import Parser, make_folder
+from smartmesh_ros.startup.arguments import Parser, make_folder, number
 from smartmesh_ros.tools.replay.cli import ProgressLine, add_node_arguments, ended, rules_of
 from smartmesh_ros.tools.replay.parameters import preset_values, read_parameters
 from smartmesh_ros.tools.replay.transport import Names
 from smartmesh_ros.tools.tune.case import open_case
 from smartmesh_ros.tools.tune.grid import measure_all
-from smartmesh_ros.tools.tune.report import Result, closing_lines, parameter_file
+from smartmesh_ros.tools.tune.report import Result, lines_of, parameter_file
 
 # Figures that options limit.
 LIMITS = {"budget": "cost", "penetration": "penetration", "deadline": "longest"}
@@ -36,21 +35,16 @@ def _run(options: argparse.Namespace) -> int:
 
     make_folder(options.out)
     result = find(options)
-    file = options.out / f"{result.case.name}_{'tuned' if result.keeps else 'nearest'}.yaml"
+    name = result.case.source.stem
+    file, chart = options.out / f"{name}_{'tuned' if result.keeps else 'nearest'}.yaml", options.out / f"{name}.png"
     file.write_text(parameter_file(result))
-    print("\n".join(closing_lines(result)))
-    print(f"Written: {file}")
-    draw(options.out / f"{result.case.name}.png", result)
-    print(f"The chart: {options.out / f'{result.case.name}.png'}")
+    draw(chart, result)
+    print("\n".join([*lines_of(result), f"Written: {file}", f"The chart: {chart}"]))
     return 0 if result.keeps else 1
 
 
 def find(options: argparse.Namespace) -> Result:
     """Measure the grid for the options of a command line. Raises `InputError`."""
-    for name in ("jobs", "seconds", *LIMITS):
-        value = getattr(options, name)
-        if value is not None and not 0.0 < value < math.inf:
-            raise InputError("parameter", f"--{name} is {value:g}; it must be a number greater than zero")
     given = {figure: getattr(options, option) for option, figure in LIMITS.items()}
     asked = {figure: limit for figure, limit in given.items() if limit is not None}
     rules = rules_of(options.remap)
@@ -64,16 +58,17 @@ def find(options: argparse.Namespace) -> Result:
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    found = Parser("tune", description=__doc__)
+    found, amount = Parser("tune", description=__doc__), number(float, 1e-9, math.inf)
     found.add_argument("source", metavar="SOURCE", help="a bag, a scene's name, or a scene file")
     given = found.add_argument_group("input")
     add_node_arguments(given)
     given.add_argument("--preset", default="", help="preset to start from, a name in config/")
-    given.add_argument("--seconds", type=float, help="length of a run (a scene's own; 5 s of a bag)")
+    given.add_argument("--seconds", type=amount, help="length of a run (a scene's own; 5 s of a bag)")
     asked = found.add_argument_group("limits")
-    asked.add_argument("--budget", type=float, help="maximum cost, as a share of a core")
-    asked.add_argument("--penetration", type=float, help="maximum 99th percentile of penetration [m]")
-    asked.add_argument("--deadline", type=float, help="maximum processor time of a step [s]")
-    found.add_argument("--jobs", type=int, default=1, help="processes at a time (1; more disturb each other's cost)")
+    asked.add_argument("--budget", type=amount, help="maximum cost, as a share of a core")
+    asked.add_argument("--penetration", type=amount, help="maximum 99th percentile of penetration [m]")
+    asked.add_argument("--deadline", type=amount, help="maximum processor time of a step [s]")
+    jobs = number(int, 1, 1000)
+    found.add_argument("--jobs", type=jobs, default=1, help="processes at a time (1; more disturb each other's cost)")
     found.add_argument("--out", type=Path, default=Path("out/tune"), help="folder for results (out/tune)")
     return found

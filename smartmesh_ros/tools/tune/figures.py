@@ -1,14 +1,16 @@
-"""Figures of cost and accuracy, and limits on them."""
+"""Figures of cost and accuracy, limits on them, and the choice among them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 # Penetration below this counts as none [m]. Bodies at rest in PyBullet overlap by half of it.
 FLOOR = 2e-5
+# Penetrations within this factor count as equal; the cheaper point is then better.
+SAME_PENETRATION = 1.05
 # Limits of hover and deviation: so many times the figure of the defaults, but at least these [m]. The factor lets the
 # rate of steps be halved, which doubles the deviation from the truth, and makes that from a run at an eighth of the
 # default's step 15/7 times as large.
@@ -59,3 +61,34 @@ def excess(figures: Figures, limits: Mapping[str, float]) -> dict[str, float]:
         "cost": figures.cost / limits["cost"],
     }
     return {name: ratio - 1.0 if ratio > 1.0 else math.inf for name, ratio in found.items() if not ratio <= 1.0}
+
+
+def best(points: Iterable[Figures], asked: Mapping[str, float], limits: Mapping[str, float]) -> Figures:
+    """Return the best point within all limits, or else that with the least maximum excess.
+
+    If only a budget or a deadline is asked for, the best is the one with the least penetration, otherwise the cheapest.
+    """
+    truest = asked and "penetration" not in asked
+
+    def order(point: Figures) -> tuple[float, ...]:
+        most = max(excess(point, limits).values(), default=0.0)
+        error = math.log(point.error) // math.log(SAME_PENETRATION)
+        return (most, error, point.cost) if truest else (most, point.cost, point.error)
+
+    return min(points, key=order)
+
+
+def front(points: Iterable[Figures]) -> list[Figures]:
+    """Return the points that no other beats in both cost and penetration, by cost."""
+    found: list[Figures] = []
+    for point in sorted(points, key=lambda point: (point.cost, point.error)):
+        if math.isfinite(point.error) and (not found or point.error < found[-1].error):
+            found.append(point)
+    return found
+
+
+def binding(points: Iterable[Figures], limits: Mapping[str, float]) -> tuple[str, ...]:
+    """Return the smallest set of limits without which one of the points would be within all others; of several such
+    sets the one with the smallest excess."""
+    exceeded = [excess(point, limits) for point in points]
+    return tuple(min(exceeded, key=lambda over: (len(over), max(over.values(), default=0.0))))

@@ -1,10 +1,10 @@
-"""The grid: settings to measure, each in a process of its own, and the choice among them."""
+"""The grid: settings to measure, each in a process of its own."""
 
 from __future__ import annotations
 
 import math
 import multiprocessing
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
@@ -17,7 +17,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.tools.replay.parameters import DEFAULTS, settings_of
 from smartmesh_ros.tools.tune.case import Case
-from smartmesh_ros.tools.tune.figures import Figures, excess
+from smartmesh_ros.tools.tune.figures import Figures
 from smartmesh_ros.tools.tune.measuring import measure
 
 # Values by parameter: what buys speed for accuracy. Each rate is a multiple of that of the measurements, 30 Hz.
@@ -28,8 +28,6 @@ GRID: Mapping[str, tuple[float, ...]] = {
 KNOWN: Mapping[str, float] = {name: DEFAULTS[name] for name in GRID}
 # The run that bodies are compared with: an eighth of the default's step.
 SMALL_STEPS = {**KNOWN, "physics.rate": 8.0 * KNOWN["physics.rate"]}
-# Penetrations within this factor count as equal; the cheaper point is then better.
-SAME_PENETRATION = 1.05
 
 
 def settings_to_try(given: Mapping[str, Any]) -> list[dict[str, float]]:
@@ -80,32 +78,3 @@ def measure_all(case: Case, jobs: int, show: Callable[[float], None]) -> list[Fi
         apart = [math.dist(positions[name], end) for name, end in reference.items() if name in positions]
         points.append(replace(figures, values=values, deviation=float(np.median(apart)) if apart else math.nan))
     return points
-
-
-def point_of(points: Iterable[Figures], values: Mapping[str, float]) -> Figures:
-    """Return the point of these settings."""
-    return next(point for point in points if point.values == values)
-
-
-def best(points: Iterable[Figures], asked: Mapping[str, float], limits: Mapping[str, float]) -> Figures:
-    """Return the best point within all limits, or else that with the least maximum excess.
-
-    If only a budget or a deadline is asked for, the best is the one with the least penetration, otherwise the cheapest.
-    """
-    truest = asked and "penetration" not in asked
-
-    def order(point: Figures) -> tuple[float, ...]:
-        most = max(excess(point, limits).values(), default=0.0)
-        error = math.log(point.error) // math.log(SAME_PENETRATION)
-        return (most, error, point.cost) if truest else (most, point.cost, point.error)
-
-    return min(points, key=order)
-
-
-def front(points: Iterable[Figures]) -> list[Figures]:
-    """Return the points that no other beats in both cost and penetration, by cost."""
-    found: list[Figures] = []
-    for point in sorted(points, key=lambda point: (point.cost, point.error)):
-        if math.isfinite(point.error) and (not found or point.error < found[-1].error):
-            found.append(point)
-    return found

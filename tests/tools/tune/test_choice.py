@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from smartmesh_ros.tools.tune.case import Case
 from smartmesh_ros.tools.tune.chart import draw
-from smartmesh_ros.tools.tune.figures import Figures, excess, limits_of
-from smartmesh_ros.tools.tune.grid import KNOWN, SAME_PENETRATION, best, front
-from smartmesh_ros.tools.tune.report import Result, binding, closing_lines, parameter_file
+from smartmesh_ros.tools.tune.figures import SAME_PENETRATION, Figures, best, binding, excess, front, limits_of
+from smartmesh_ros.tools.tune.grid import KNOWN
+from smartmesh_ros.tools.tune.report import Result, parameter_file
 from tests.examples import examples
 
 BASE = Figures(values=KNOWN, cost=0.2, longest=2e-3, penetration=1e-3, hover=1e-3, deviation=1e-2)
@@ -31,14 +31,15 @@ def result(asked: dict[str, float], *tried: Figures) -> Result:
 def test_what_is_better_is_chosen_and_a_limit_that_binds_is_named() -> None:
     """Also one that nobody asked for, with its value, and all that bind only together."""
     found = result({}, figures(cost=0.1))
-    assert found.keeps and found.changed == {"physics.rate": 120.0}
-    said, text = "\n".join(closing_lines(found)), parameter_file(found)
-    assert "Kept." in said and "0.50 times the cost" in said and "Changed: physics.rate 120.0." in said
-    assert "physics.rate (default 240.0)" in text and "-r '~/heightmap:=/maps'" in text
+    text = parameter_file(found)
+    assert found.keeps and found.changed == {"physics.rate": 120.0} and "Kept." in text
+    assert "Changed: physics.rate 120.0 (default 240.0)." in text and "-r '~/heightmap:=/maps'" in text
     found = result({"cost": 0.1}, figures(cost=0.09, hover=6e-3), figures(cost=0.5))
-    said = "\n".join(closing_lines(found))
-    assert not found.keeps and "NOT POSSIBLE" in parameter_file(found)
-    assert "cost 0.2 of a core (at most 0.1 of a core, as asked)" in said, "the defaults are nearest"
+    text = parameter_file(found)
+    said = text.replace("\n# ", " ")
+    assert not found.keeps and "NOT POSSIBLE: the nearest settings exceed the limits of cost." in said
+    [most, nearest] = [[line for line in text.splitlines() if row in line][0] for row in ("at most", "this file")]
+    assert "0.1 of a core" in most and "0.2 of a core" in nearest, "the defaults are nearest"
     assert "What binds is the limit of cost" in said or "What binds is the limit of hover" in said
     limits, both = limits_of({"cost": 0.1}, BASE), figures(cost=0.05, hover=5e-3, deviation=0.5)
     assert binding([both, figures(cost=0.5, hover=9e-3, failed=2)], limits) == ("hover", "deviation")
