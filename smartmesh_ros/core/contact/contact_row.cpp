@@ -24,10 +24,10 @@ constexpr double LEAST_ACROSS = 0.01;
 constexpr double SLOWEST_SLIP = 1e-7, LEAST_HELD = 0.1;
 
 // Returns what the friction of a contact in the last step leaves of the cone across its direction, as a share of the
-// most.
-double across_slip(const OldContact* old, double friction) {
+// most, if an `impact` [N s] comes to what the contact carried then.
+double across_slip(const OldContact* old, double friction, double impact) {
   if (old == nullptr || !(friction * old->normal_impulse > 0.0)) return 1.0;
-  const double used = norm(old->friction) / (friction * old->normal_impulse);
+  const double used = norm(old->friction) / (friction * (old->normal_impulse + impact));
   return std::sqrt(std::max(1.0 - used * used, LEAST_ACROSS * LEAST_ACROSS));
 }
 
@@ -164,13 +164,15 @@ void find_slips(const std::vector<Contact>& contacts, const std::vector<OldConta
     const auto along_ground = [&](const Vec3& v) { return v - contact.normal * dot(v, contact.normal); };
     const OldContact* old = matching(contact, before, approach.duration);
     const double friction = rows[k].friction.sliding, share = static_cast<double>(contacts.size()) / mass;
-    const Vec3 slip = along_ground(approach.velocity_at(rows[k].at) + approach.ground - rows[k].slide);
+    const Vec3 velocity = approach.velocity_at(rows[k].at) + approach.ground,
+               slip = along_ground(velocity - rows[k].slide);
     // Without friction, what does not slip would go where friction held it in the last step, and where it is pulled
     // since.
     const bool slips = old == nullptr || norm2(slip) > norm2(pull);
     const Vec3 along = slip + along_ground(slips ? pull : pull - last_pull - old->friction * share);
     const double holds = old == nullptr ? 0.0 : friction * old->normal_impulse * share;
-    if (norm(along) > SLOWEST_SLIP + LEAST_HELD * holds) rows[k].slip = {along, across_slip(old, friction)};
+    const double impact = rows[k].mass * std::max(0.0, rows[k].speed - dot(rows[k].normal, velocity));
+    if (norm(along) > SLOWEST_SLIP + LEAST_HELD * holds) rows[k].slip = {along, across_slip(old, friction, impact)};
   }
 }
 

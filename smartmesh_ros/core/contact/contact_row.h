@@ -36,9 +36,10 @@ struct Slip {
 
 // At the end of a step the body moves at a place `at` on the ground [m] along the `normal` at least at `speed` [m/s],
 // less `softness` [1/kg] times the impulse of the contact. Without slip it moves along the ground at `slide` [m/s].
+// `mass` [kg]: of a rigid body, as it meets a push there along the normal.
 struct ContactRow {
   Vec3 at, normal;
-  double speed = 0.0, softness = 0.0;
+  double speed = 0.0, softness = 0.0, mass = 0.0;
   Vec3 slide;
   Slip slip;
   Friction friction;

@@ -1,9 +1,9 @@
 """``make demo``: the whole system on a real elevation model with a wave over it, for about 15 seconds.
 
 Terrain source and collider run as separate processes. The demo's own process spawns bodies, drives a robot, records
-topics and draws them. It exits with 0 only if no body was lost. A body counts as lost if it is below the ground. One that
-was put back onto the ground counts as well, unless the node missed deadlines: the ground, which moves in real time, then
-jumps under the simulated bodies.
+topics and draws them. It exits with 0 only if no body was lost. A body counts as lost if it is below the ground. One
+that was put back onto the ground counts as well, unless the node missed deadlines: the ground, which moves in real
+time, then jumps under the simulated bodies.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ def test_what_is_better_is_chosen_and_a_limit_that_binds_is_named() -> None:
     text = parameter_file(found)
     said = text.replace("\n# ", " ")
     assert not found.keeps and "NOT POSSIBLE: the nearest settings exceed the limits of cost." in said
-    [most, nearest] = [[line for line in text.splitlines() if row in line][0] for row in ("at most", "this file")]
+    [most, nearest] = [next(line for line in text.splitlines() if row in line) for row in ("at most", "this file")]
     assert "0.1 of a core" in most and "0.2 of a core" in nearest, "the defaults are nearest"
     assert "What binds is the limit of cost" in said or "What binds is the limit of hover" in said
     limits, both = limits_of({"cost": 0.1}, BASE), figures(cost=0.05, hover=5e-3, deviation=0.5)
