@@ -123,7 +123,9 @@ def test_friction_of_each_contact_that_slips_is_on_the_cone_and_against_the_slip
                 assert friction == pytest.approx(-0.5 * point[9] * slip / np.linalg.norm(slip), abs=0.03 * point[9])
 
 
-@pytest.mark.parametrize("shape", [Capsule(height=0.2, radius=0.1), Cylinder(height=0.2, radius=0.12), Box(0.4, 0.28, 0.2)])
+@pytest.mark.parametrize(
+    "shape", [Capsule(height=0.2, radius=0.1), Cylinder(height=0.2, radius=0.12), Box(0.4, 0.28, 0.2)]
+)
 def test_in_an_impact_what_slips_on_has_all_friction_of_the_cone(shape: Shape) -> None:
     """Bodies that tumble, at impacts of one contact; the solver leaves some slip, also on PyBullet's plane."""
     rng, impacts = np.random.default_rng(1), 0
