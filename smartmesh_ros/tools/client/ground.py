@@ -32,8 +32,6 @@ MAPS: dict[str, tuple[Any, Callable[[bytes], Any]]] = {
 }
 # The ground is shown as the last map says.
 STILL = MotionConfig(mode="hold")
-# Longest distance of ground that a click meets [m].
-REACH = 500.0
 # Messages that may wait. One more applies them all, so that memory stays bounded while no page is open.
 MAX_WAITING = 2000
 
@@ -101,10 +99,10 @@ class Ground:
         """Return the height (n,) [m] of the ground at points (n, 2) [m]; NaN where there is none."""
         return self.terrain().at(xy_w, 0.0).heights
 
-    def distances(self, origins: FloatArray, directions: FloatArray) -> FloatArray:
+    def distances(self, origins: FloatArray, directions: FloatArray, reach: float = 500.0) -> FloatArray:
         """Return the distances (n,) [m] at which rays from (n, 3) [m] along (n, 3) first meet the ground, infinity =
-        not within `REACH`."""
-        return RayCaster(self.terrain()).cast(checked_rays(origins, directions, REACH), 0.0).distances
+        not within ``reach`` [m]."""
+        return RayCaster(self.terrain()).cast(checked_rays(origins, directions, reach), 0.0).distances
 
     def _apply(self, topic: str, tile: str, data: bytes) -> None:
         known, new = self.tiles.get(tile), MAPS[topic][1](data)

@@ -91,4 +91,5 @@ def binding(points: Iterable[Figures], limits: Mapping[str, float]) -> tuple[str
     """Return the smallest set of limits without which one of the points would be within all others; of several such
     sets the one with the smallest excess."""
     exceeded = [excess(point, limits) for point in points]
-    return tuple(min(exceeded, key=lambda over: (len(over), max(over.values(), default=0.0))))
+    least: Mapping[str, float] = min(exceeded, key=lambda over: (len(over), max(over.values(), default=0.0)))
+    return tuple(least)
