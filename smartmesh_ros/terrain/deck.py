@@ -97,8 +97,9 @@ class Deck(Tiles):
         origin and ``spin`` [rad/s], both in the terrain's frame, are given. Accelerations that the change of velocity
         before does not confirm do not count, as of a frame that starts, stops or jolts. Without another call the frame
         slows down after 1.5 intervals, and rests after three more; the interval is the longest of the last ten between
-        calls that were no pauses, of more than 0.25 s. Raises `InputError`, and changes nothing, if a number is
-        impossible, or the time is before that of the last call.
+        calls that were no pauses, of more than 0.25 s. A pose up to 1 us after the last replaces it: their times differ
+        by rounding. Raises `InputError`, and changes nothing, if a number is impossible, or the time is before that of
+        the last call.
         """
         time = checked_time(time)
         if time < self._last:

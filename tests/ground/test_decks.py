@@ -273,6 +273,14 @@ def test_a_frame_that_stops_does_not_go_back() -> None:
     assert deck.frame(0.45).position[0] == pytest.approx(0.3, abs=1e-12)
 
 
+def test_a_pose_at_the_same_time_but_for_rounding_replaces_the_last() -> None:
+    deck = Deck(a_map())
+    for x, time in ((0.1, 0.1), (0.2, 0.2), (0.3, 0.3), (0.3 + 1e-14, 0.1 + 0.2)):
+        deck.move((x, 0.0, 2.0), time=time)
+    assert deck.frame(0.4).position == pytest.approx([0.4, 0.0, 2.0], abs=1e-9)
+    assert deck.frame(0.4).velocity == pytest.approx([1.0, 0.0, 0.0], abs=1e-9)
+
+
 def test_a_copy_of_a_terrain_has_decks_of_its_own() -> None:
     terrain = terrain_of(deck=(deck := Deck(a_map())))
     for time in (0.0, 0.1, 0.2):

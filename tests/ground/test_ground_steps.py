@@ -60,6 +60,20 @@ def test_what_stands_astride_a_peak_is_above_the_ground(client: Any, maximal: bo
     assert ground.rescues == 1
 
 
+@pytest.mark.parametrize("speed", [0.0, 8.0])
+def test_what_is_lifted_keeps_what_it_moves_with_on_the_ground(client: Any, speed: float) -> None:
+    """Not faster than 5 m/s relative to the ground, which slides."""
+    terrain = level(401)
+    terrain.slide((8.0, 0.0), 100.0)
+    body = put(client, Box(0.4, 0.4, 0.1), (0.0, 0.0, -1.0))
+    client.resetBaseVelocity(body, (speed, 0.0, 0.0))
+    ground = ground_of(client, terrain, body)
+    ground.update(0.0, DT)
+    assert ground.rescues == 1
+    velocity, _ = client.getBaseVelocity(body)
+    assert velocity == pytest.approx((max(speed, 3.0), 0.0, 0.0))
+
+
 def test_a_body_that_is_nowhere_disturbs_no_other(client: Any) -> None:
     lost, fine = put(client, BALL, (0.013, 0.021, 0.5)), put(client, BALL, (0.013, 0.021, 0.3))
     client.resetBasePositionAndOrientation(lost, (math.nan, 0.0, 0.0), (0, 0, 0, 1))

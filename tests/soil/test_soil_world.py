@@ -6,6 +6,7 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
+import pybullet as pb
 import pytest
 
 from smartmesh_ros import (
@@ -111,6 +112,21 @@ def test_what_sleeps_on_hard_soil_sinks_when_soft_soil_lies_there() -> None:
             world.terrain.tiles[""].material = kinds if scrolls else Material()  # type: ignore[union-attr]
             world.step(240)
             assert world.state("box").position[2] < 0.096
+
+
+def test_what_slept_on_soil_and_touches_nothing_any_more_is_not_carried() -> None:
+    """PyBullet keeps it from the ground, and the contacts in which it fell asleep are gone."""
+    with World(HeightMap(FLAT, resolution=0.04)) as world:
+        world.spawn("box", BOX, 20.0, BodyState((2.0, 2.0, 0.1)))
+        world.ground.set_soil(Soil(world.terrain, "dry_sand"))
+        world.step(240)
+        assert world.is_asleep("box")
+        assert "box" in world.ground.on_soil()
+        box = world.bodies["box"].uid
+        world.client.setCollisionFilterGroupMask(box, -1, 0, 0)
+        world.client.changeDynamics(box, -1, activationState=pb.ACTIVATION_STATE_WAKE_UP)
+        world.step()
+        assert world.ground.on_soil() == {}
 
 
 def test_soils_are_where_kinds_say() -> None:

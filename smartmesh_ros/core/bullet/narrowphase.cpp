@@ -143,10 +143,12 @@ OnSoil Narrowphase::on_soil(const Slot& slot, double step, double ahead) const {
 void Narrowphase::press_soil() {
   if (now_.soil == nullptr) return;
   for (Slot& slot : attached_.slots) {
-    if (slot.on_soil.empty() || slot.object == nullptr || slot.ground == nullptr) continue;
-    if (!slot.object->isActive()) continue;
-    slot.read_velocity();
-    now_.soil->press(on_soil(slot, now_.duration, -now_.duration), slot.on_soil);
+    if (slot.on_soil.empty()) continue;
+    if (slot.object != nullptr && slot.ground != nullptr && slot.object->isActive()) {
+      slot.read_velocity();
+      now_.soil->press(on_soil(slot, now_.duration, -now_.duration), slot.on_soil);
+    }
+    for (auto& [number, part] : slot.on_soil) part.contacts = nullptr;  // also of what fell asleep in this step
   }
   now_.soil->next();
 }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include <BulletCollision/NarrowPhaseCollision/btPersistentManifold.h>
 
@@ -162,8 +161,7 @@ void SoilInStep::touch(const Convex& convex, const Pose& pose, const OnSoil& on,
 
 void SoilInStep::press(const OnSoil& on, SoilParts& parts) {
   for (auto& [number, part] : parts) {
-    const btPersistentManifold* contacts = std::exchange(part.contacts, nullptr);
-    if (contacts == nullptr) {  // it left the ground
+    if (part.contacts == nullptr) {  // it left the ground
       part.rim.reset(), part.sums = {};
       continue;
     }
@@ -175,7 +173,7 @@ void SoilInStep::press(const OnSoil& on, SoilParts& parts) {
     part.at = now.at;
     Vec3 change = inertia_of(solid.solid, on.mass) * (velocity_of(solid) - part.velocity);
     for (std::size_t k = 0; k < part.levers.size(); ++k)
-      change = change - part.levers[k] * contacts->getContactPoint(static_cast<int>(k)).m_appliedImpulse;
+      change = change - part.levers[k] * part.contacts->getContactPoint(static_cast<int>(k)).m_appliedImpulse;
     part.load = change * (1.0 / on.approach.duration);
     if (std::abs(solid.linear.z) < AT_REST * std::sqrt(norm(on.approach.gravity) * part.sums.sinkage))
       part.is_set_down = 0.0;

@@ -14,6 +14,8 @@ namespace {
 constexpr double LATE_AFTER = 1.5, STOPS_IN = 3.0;
 // Longer intervals before the last one were pauses [s], as `max_interval` says of maps.
 constexpr double LONGEST_INTERVAL = 0.25;
+// Interval up to which samples are of one instant [s]: numbers of seconds since 1970 are rounded to 2.4e-7 s.
+constexpr double ROUNDING = 1e-6;
 
 // Returns the rotation by a vector: about its direction, by its length [rad].
 Quaternion quaternion_of(const Vec3& v) {
@@ -62,7 +64,7 @@ void FrameMotion::put(const FrameSample& sample) {
 void FrameMotion::note(const FrameSample& sample) {
   if (known == 0.0 || sample.time < time()) return put(sample);
   if (rests_at(sample)) return;
-  if (sample.time != time()) {
+  if (sample.time - time() > ROUNDING) {
     std::copy_backward(samples, samples + INTERVALS_KEPT, samples + INTERVALS_KEPT + 1);
     known = std::min(known + 1.0, INTERVALS_KEPT + 1.0);
   }

@@ -52,7 +52,7 @@ class FrameMotion : FrameMemory {
   // Speed above which a frame without told velocities has jumped [m/s].
   double fastest = 100.0;
 
-  // Takes a sample. One of the time of the last replaces it; one before it is another beginning.
+  // Takes a sample. One of the time of the last, but for rounding, replaces it; one before it is another beginning.
   void note(const FrameSample& sample);
   // Puts the frame somewhere else, at rest unless its velocity is told.
   void put(const FrameSample& sample);

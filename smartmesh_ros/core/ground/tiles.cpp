@@ -19,8 +19,9 @@ bool is_above(double height, double other) { return !(height <= other) && !std::
 }  // namespace
 
 NearPoint GroundReader::at(const Vec3& p, double top) {
-  const GridFacet tile = tiles.at(p.x, p.y, top).facet;
-  NearPoint found{{tile.height, {0.0, 0.0, tile.velocity}}};
+  NearPoint found{{NONE, {}}};
+  if (const TileFacet here = tiles.at(p.x, p.y, top); here.tile != nullptr)
+    found = {{here.facet.height, here.tile->velocity(p.x, p.y, here.facet.velocity, tiles.ahead())}};
   for (MeshReader& mesh : meshes)
     if (const GroundSample here = mesh.below(p.x, p.y, p.z); is_above(here.height, found.height))
       found = {{here.height, here.velocity}, true};
