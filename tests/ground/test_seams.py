@@ -228,5 +228,5 @@ def mean_speed_at_rest(seed: int, *parts: Piece) -> float:
 @pytest.mark.parametrize("parts", [(a_map,), *PAIRS])
 def test_boxes_on_near_flat_ridges_come_to_rest(parts: tuple[Piece, ...]) -> None:
     """A ridge between two pieces bears a box also while it rocks beyond the slope of a facet."""
-    for seed in range(1, 13):
+    for seed in (*range(1, 13), 18, 35):
         assert mean_speed_at_rest(seed, *parts) < 2e-3, seed
