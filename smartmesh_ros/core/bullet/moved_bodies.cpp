@@ -131,7 +131,7 @@ bool is_over_fixed(const Instant& now, btCollisionObject& body, const Vec3& from
   return found.hasHit();
 }
 
-// Lifts a body [m], and gives it the vertical velocity of the `ground` [m/s], on which it slides on.
+// Lifts a body [m], and gives it the vertical velocity of the `ground` [m/s]. It keeps its slip on that ground.
 void lift_body(btCollisionObject& object, double by, const Vec3& ground, btDiscreteDynamicsWorld& world) {
   btMultiBody* robot = robot_of(object);
   btRigidBody* body = btRigidBody::upcast(&object);

@@ -41,7 +41,7 @@ std::vector<Candidate> candidates_of(const Approach& approach, const std::vector
     const Candidate it{&contact, contact.distance - closing};
     if (other == found.end())
       found.push_back(it);
-    else if (it.closes < other->closes - SAME_PLACE)  // and from step to step it has the same name
+    else if (it.closes < other->closes - SAME_PLACE)  // else names would take turns
       *other = it;
   }
   const double limit = approach.margin + IMPACT * hardest;

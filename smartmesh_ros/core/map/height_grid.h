@@ -24,8 +24,8 @@ inline long next_revision() { return ++last_revision(); }
 // Side of the square blocks of samples that share one clock [samples], as the exponent of two.
 constexpr int BLOCK_SHIFT = 6;
 
-// Horizontal motion of a grid as a rigid body, see terrain/grid_track.py. `interval` [s]: longest
-// expected time until the next map, zero at rest.
+// Horizontal motion of a grid as a rigid body, see terrain/grid_track.py. `interval` [s]: longest expected time until
+// the next map, zero at rest.
 struct GridTrack {
   double time = 0.0, interval = 0.0, x = 0.0, y = 0.0, spin = 0.0;
 };
