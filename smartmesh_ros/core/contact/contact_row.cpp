@@ -171,7 +171,7 @@ void find_slips(const std::vector<Contact>& contacts, const std::vector<OldConta
     const bool slips = old == nullptr || norm2(slip) > norm2(pull);
     const Vec3 along = slip + along_ground(slips ? pull : pull - last_pull - old->friction * share);
     const double holds = old == nullptr ? 0.0 : friction * old->normal_impulse * share;
-    const double closing = rows[k].speed - dot(rows[k].normal, velocity) - norm(pull);  // without gravity
+    const double closing = rows[k].speed - dot(rows[k].normal, velocity) - norm(pull);           // without gravity
     const double impact = rows[k].softness > 0.0 ? 0.0 : rows[k].mass * std::max(0.0, closing);  // springs have none
     if (norm(along) > SLOWEST_SLIP + LEAST_HELD * holds) rows[k].slip = {along, across_slip(old, friction, impact)};
   }
