@@ -166,14 +166,22 @@ class Probe:
 
     def wait_for(self, condition: Callable[[], Any], *, timeout: float = TIMEOUT, watch: Process | None = None) -> Any:
         """Spin until the condition holds; return its value. Raises `AssertionError` with a report after ``timeout``
-        [s], or if the process ``watch`` ends."""
+        [s], or if the process ``watch`` ends.
+
+        A condition that takes long, such as a picture of a page, is followed by as long a spin: with one message in
+        between, messages would come faster than they are handled, and responses wait behind them.
+        """
         end = monotonic() + timeout
+        asked = monotonic()
         while not (value := condition()):
             if watch is not None and watch.process.poll() is not None:
                 raise AssertionError(f"the node ended with {watch.process.returncode}: {watch.output}")
-            if monotonic() > end:
+            if (now := monotonic()) > end:
                 raise AssertionError(f"waited {timeout:.0f} s in vain; {self._report()}")
             self.spin()
+            while monotonic() - now < now - asked:
+                self.spin()
+            asked = monotonic()
         return value
 
     def _report(self) -> str:

@@ -34,8 +34,9 @@ FLAT, WAVES, BARE = (-2.0, 0.0), (1.5, 0.0), (-1.0, 2.5)
 
 @pytest.fixture(scope="module")
 def probe(domain: int) -> Iterator[Probe]:
-    """A probe of a node."""
-    with Probe() as made, made.running("terrain_collider", {"physics.sleep": False}):
+    """A probe of a node, which publishes no more than a page shows where each frame is drawn on the processor."""
+    parameters = {"physics.sleep": False, "publish.patches": 5.0, "publish.body_states": 10.0}
+    with Probe() as made, made.running("terrain_collider", parameters):
         yield made
 
 
