@@ -7,6 +7,7 @@ broke a rule is kept in ``out/fuzz/``. Ends with 1 if there was any.
 import argparse
 import json
 import multiprocessing
+import os
 import sys
 import tempfile
 import traceback
@@ -100,6 +101,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/fuzz"))
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     start, findings = monotonic(), 0
     totals: dict[str, Counter[str]] = {"counts": Counter(), "reasons": Counter(), "compared": Counter()}
     with ThreadPoolExecutor(options.jobs) as pool:

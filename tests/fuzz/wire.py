@@ -1,7 +1,6 @@
 """Spoilt messages over real DDS to a node in a process of its own."""
 
 import ast
-import os
 
 import numpy as np
 from rclpy.serialization import serialize_message
@@ -22,7 +21,6 @@ def over_the_wire(count: int, seed: int) -> dict[str, int]:
     """Publishes ``count`` spoilt messages on all topics of a node process over DDS. After each round a good map is
     published, and every patch must lie on it. Returns how many messages there were, and how many the node has refused;
     raises if it ends or its patches leave the map."""
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     rng = np.random.default_rng(seed)
     with Probe() as probe, probe.running(parameters={"terrain.motion": "hold", "frame_id": "map"}) as process:
         names = list(probe.publishers)

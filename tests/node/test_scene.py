@@ -261,6 +261,7 @@ def test_a_display_that_is_held_up_is_emptied_too(domain: int, monkeypatch: pyte
     second, the last message was lost in two of five runs.) Over UDP: a process that is stopped within a lock of the
     memory that Fast DDS shares may hear nothing for good."""
     monkeypatch.setenv("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")  # with LOCALHOST, shared memory is added
     with Probe() as probe, probe.running() as node:
         displays = [Display(probe, probe.topic(name)) for name in ("scene", "patches")]
 
