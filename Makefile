@@ -1,4 +1,4 @@
-# `make demo` and `make test` need only Python 3.11, 3.12 or 3.13, a C++ compiler and cmake; see README.md.
+# All commands need Python 3.11, 3.12 or 3.13, a C++ compiler and cmake; see docs/installing.md.
 PYTHON ?=
 export PYTHON
 RUN := scripts/workspace run
@@ -98,5 +98,5 @@ contacts:  ## the core's contacts against the library coal: 100,000 random poses
 sanitize:  ## the core's tests and 30 s of mixed scenes under AddressSanitizer and UBSan (two minutes; SECONDS=5 for fewer)
 	@$(RUN) dev studies -- python scripts/sanitize.py $(SECONDS)
 
-clean:  ## remove what the commands made
+clean:  ## remove the environment and all builds; pictures and files in out/ and site/ stay
 	rm -rf .venv build install log

@@ -62,11 +62,11 @@ def test_without_the_link_both_folders_must_be_named(sources: Workspace, tmp_pat
         assert ("smartmesh_msgs" in words) == bool(code)
 
 
-def test_every_import_of_a_message_package_is_declared() -> None:
+def test_every_import_of_a_package_of_ros_is_declared() -> None:
     declared = {item.text for item in ElementTree.parse(ROOT / "package.xml").getroot() if item.tag.endswith("depend")}
-    imported = set()
+    imported, names = set(), r"rclpy|rosidl_\w+|launch\w*|ament_\w+|\w+_msgs|\w+_interfaces|\w+_srvs"
     for path in (ROOT / "smartmesh_ros").rglob("*.py"):
-        imported |= set(re.findall(r"^\s*(?:from|import) (\w+_msgs|\w+_interfaces|\w+_srvs)\b", path.read_text(), re.M))
+        imported |= set(re.findall(rf"^\s*(?:from|import) ({names})\b", path.read_text(), re.M))
     optional = {"grid_map_msgs", "map_msgs", "tf2_msgs", "simulation_interfaces"}  # imported by name
     assert imported | optional <= declared
 

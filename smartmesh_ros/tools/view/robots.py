@@ -42,6 +42,8 @@ class Robot:
                 mesh.visual = _matt(mesh.visual)
             self._shown = ViserUrdf(server, urdf, root_node_name=f"/robots/{name}")
             self._root, self._joints = urdf.base_link, list(urdf.actuated_joint_names)
+            self._values = [0.0] * len(self._joints)
+            self._shown.update_cfg(np.array(self._values))  # ViserUrdf itself places no link, not even a fixed one
             if (bounds := urdf.scene.bounds) is not None:
                 self._top = float(bounds[1][2]) + GAP
         except Exception as error:  # noqa: BLE001  # a description may be anything; the errors have no common base

@@ -119,6 +119,14 @@ def test_a_robot_is_drawn_by_its_meshes_and_else_by_its_collision_shapes(
     assert drawn["/labels/rover"].position[2] == pytest.approx(1.0 + top + GAP)
 
 
+def test_links_of_a_robot_without_movable_joints_are_where_its_description_puts_them(server: Any, drawn: Any) -> None:
+    """Such as the tracks of a machine, which are fixed to its hull."""
+    urdf = robot(LINK + JOINT.replace("spherical", "fixed") + LINK.replace('"b"', '"arm"'))
+    Robot(server, "digger", BodyDescription(urdf=urdf)).show(Sight(bases={"b": at(0.0, 0.0, 0.0)}))
+    [arm] = [handle for path, handle in drawn.items() if path.endswith("/arm")]
+    assert arm.position.tolist() == [0.0, 0.0, 1.0]
+
+
 def test_a_robot_has_the_colours_of_its_description_in_daylight(server: Any, drawn: Any, tmp_path: Path) -> None:
     """Of a material that another link defines too, and of a mesh's own. Metal would be black without surroundings."""
     shapes = '<box size="1 1 1"/>', '<capsule radius="1" length="2"/>', '<mesh filename="cube.obj"/>'
