@@ -32,6 +32,7 @@ from smartmesh_msgs.srv import SpawnBody, StepPhysics
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.services.turns import Work
 from smartmesh_ros.node.terrain_collider import TerrainCollider
+from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, heightmap_message, pose_message
 
@@ -197,7 +198,7 @@ class Fed:
 
     def now(self) -> Any:
         """The time of the node's clock, as a stamp."""
-        return self.node.get_clock().now().to_msg()
+        return stamp_of(self.node.session.clock.stamp_now())
 
     def give(self, topic: str, message: Any, steps: int = 10) -> None:
         """Gives it a message or its bytes on a topic (below its name, or a full name), and runs some steps."""

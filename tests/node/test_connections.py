@@ -99,10 +99,7 @@ def test_large_maps_go_through_with_the_installed_profile(probe: Probe, monkeypa
         assert "XMLPARSER" not in collider.output
 
 
-UNNAMED = (UNKNOWN, UNKNOWN)
-
-
-def endpoint(gid: int, name: tuple[str, str] = UNNAMED, qos: QoSProfile = BEST_EFFORT) -> Any:
+def endpoint(gid: int, name: tuple[str, str] = (UNKNOWN, UNKNOWN), qos: QoSProfile = BEST_EFFORT) -> Any:
     """What the graph tells of a publisher or subscription; ``name``: of its node, and its namespace."""
     return SimpleNamespace(endpoint_gid=[gid] * 16, node_name=name[0], node_namespace=name[1], qos_profile=qos)
 
