@@ -146,6 +146,8 @@ def profiles(kind: Any, parameters: Mapping[str, Any]) -> dict[str, QoSProfile]:
 @pytest.mark.parametrize(("kind", "published", "subscribed"), TOPICS)
 def test_overrides_reach_the_topic_that_they_name_and_no_other(kind: Any, published: str, subscribed: str) -> None:
     before, parameters = profiles(kind, {}), nested(published, "publisher", POLICIES)
+    kept = {qos.history for topic, qos in before.items() if not topic.startswith("to ")}
+    assert kept == {HistoryPolicy.KEEP_LAST}, "one subscriber that reads nothing could hold a publisher up"
     if subscribed:
         parameters |= nested(subscribed, "subscription", POLICIES)
     after = profiles(kind, parameters)

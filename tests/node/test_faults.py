@@ -14,7 +14,6 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from smartmesh_msgs.msg import Heightmap
 from smartmesh_msgs.srv import SpawnBody
-from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.tools.demo import rover
 from smartmesh_ros.tools.testing import COLLIDER, Probe, assert_on_map
@@ -38,17 +37,6 @@ def on_map(probe: Probe, message: Heightmap) -> Callable[[], bool]:
         return bool(patches)
 
     return holds
-
-
-def test_a_subscriber_that_reads_nothing_does_not_slow_the_node(shared: Probe) -> None:
-    """Its queue overflows at its own end; everybody else goes on receiving."""
-    patches = shared.topic("patches")
-    with Probe(shared.namespace) as hog:
-        hog.node.create_subscription(MarkerArray, patches, lambda _: None, 1)
-        shared.wait_for(lambda: shared.node.count_subscribers(patches) >= 3)
-        shared.wait_for(on_map(shared, shared.publish_map(ROUGH)))
-        before = len(shared.received[patches])
-        shared.wait_for(lambda: len(shared.received[patches]) > before + 60)
 
 
 def test_the_node_runs_where_no_log_can_be_written(probe: Probe, tmp_path: Path) -> None:
