@@ -121,10 +121,9 @@ def refusals(probe: Probe) -> Counter[str]:
     return Counter({key.removeprefix("refused, "): int(count) for key, count in found if key.startswith("refused, ")})
 
 
-def values(probe: Probe, names: Iterable[str]) -> dict[str, Any]:
+def values(probe: Probe, names: Collection[str]) -> dict[str, Any]:
     """Values of parameters of the node; None of an empty list."""
-    names = list(names)
-    found = probe.call("get_parameters", GetParameters, names=names).values
+    found = probe.call("get_parameters", GetParameters, names=[*names]).values
     return dict(zip(names, map(parameter_value_to_python, found), strict=True))
 
 

@@ -57,10 +57,6 @@ def test_topics_of_poses_and_odometry_each_bring_a_body_that_times_out(logged: L
             assert 0.0 <= float(ages[f"age of stamps on arrival, {topic} [s]"]) < 2.0
         node.play(now, 1.0, math.inf, lambda: None)
         assert not node.world.bodies
-        odometry.pose.pose.position.x = math.nan
-        node.require_refused("~/tracked_odometry", [("non_finite", stamped(node, odometry))])
-        lost = PoseStamped(pose=pose_message((4.0, 5.0, math.inf)))
-        node.require_refused("/second/pose", [("non_finite", stamped(node, lost))])
         for x in (0.0, 100.0):
             now[0] += 0.1
             node.give("/second/pose", stamped(node, PoseStamped(pose=pose_message((x, 5.0, 0.2)))))
