@@ -8,12 +8,10 @@ from smartmesh_msgs.srv import RestoreState, SaveState
 from std_srvs.srv import SetBool
 
 from smartmesh_ros.node.timing.pacing import NodeClock
-from smartmesh_ros.tools.testing import Probe, Process, domain, probe
+from smartmesh_ros.tools.testing import Probe, Process
 from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
 from smartmesh_ros.tools.testing.process import start_command
 from tests.node.shared import Log, Logged
-
-__all__ = ["domain", "probe"]
 
 
 @pytest.fixture(autouse=True)

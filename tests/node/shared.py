@@ -32,6 +32,7 @@ from smartmesh_msgs.srv import SpawnBody, StepPhysics
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.services.turns import Work
 from smartmesh_ros.node.terrain_collider import TerrainCollider
+from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, heightmap_message, pose_message
 
@@ -120,10 +121,9 @@ def refusals(probe: Probe) -> Counter[str]:
     return Counter({key.removeprefix("refused, "): int(count) for key, count in found if key.startswith("refused, ")})
 
 
-def values(probe: Probe, names: Iterable[str]) -> dict[str, Any]:
+def values(probe: Probe, names: Collection[str]) -> dict[str, Any]:
     """Values of parameters of the node; None of an empty list."""
-    names = list(names)
-    found = probe.call("get_parameters", GetParameters, names=names).values
+    found = probe.call("get_parameters", GetParameters, names=[*names]).values
     return dict(zip(names, map(parameter_value_to_python, found), strict=True))
 
 
@@ -197,7 +197,7 @@ class Fed:
 
     def now(self) -> Any:
         """The time of the node's clock, as a stamp."""
-        return self.node.get_clock().now().to_msg()
+        return stamp_of(self.node.session.clock.stamp_now())
 
     def give(self, topic: str, message: Any, steps: int = 10) -> None:
         """Gives it a message or its bytes on a topic (below its name, or a full name), and runs some steps."""

@@ -17,7 +17,7 @@ from tests.node.shared import BALL, box, fed, on_level, show_map
 from tests.node.test_ground_services import MAP, hills
 
 # A busy machine steps a thousand bodies and reads so many messages of them in time, too: answers wait behind both.
-SHARED = {"physics.rate": 60.0, "publish.patches": 4.0, "publish.body_states": 4.0}
+SHARED = {"physics.rate": 60.0, "publish.patches": 1.0, "publish.body_states": 1.0}
 STANDING: dict[str, Any] = {"on_ground": True, "align": True, "clearance": 0.1}
 
 

@@ -15,7 +15,7 @@ from visualization_msgs.msg import MarkerArray
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.client import PatchClient, TrackedLink
 from smartmesh_ros.tools.replay.replay import Replay
-from smartmesh_ros.tools.testing import Probe, heightmap_message, mesh_message, pose_message
+from smartmesh_ros.tools.testing import COLLIDER, Probe, heightmap_message, mesh_message, pose_message
 from tests.node.shared import changed
 
 SHARED = {"publish.patches": 60.0, "publish.incremental": True, "terrain.motion": "hold", "bodies.timeout": 1.0}
@@ -25,8 +25,9 @@ RIGHT = TrackedLink(name="right", position=(4.0, 4.0, 0.2), radius=0.2)
 
 
 @pytest.fixture
-def client(shared: Probe) -> Iterator[PatchClient]:
-    with PatchClient(shared.collider) as made:
+def client() -> Iterator[PatchClient]:
+    """Of the shared node."""
+    with PatchClient(f"/shared{COLLIDER}") as made:
         yield made
 
 

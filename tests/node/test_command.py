@@ -105,22 +105,25 @@ def test_a_tracked_body_is_listed_by_what_is_known_of_it(shared: Probe, smartmes
 
 
 def test_what_is_refused_is_told(shared: Probe, smartmesh: Command, tmp_path: Path) -> None:
-    show_level_ground(shared)
-    assert "there is no body 'nobody'" in smartmesh("remove", "nobody")
-    assert "beside the map" in smartmesh("spawn", "far", "--sphere", "0.3", "--at", "500", "0")
-    assert "there is no URDF file" in smartmesh("spawn", "none", "--urdf", str(tmp_path / "none.urdf"))
+    def refusal(*words: str) -> str:
+        said = smartmesh(*words)
+        assert said.startswith("refused: ")
+        return said
+
+    assert "there is no body 'nobody'" in refusal("remove", "nobody")
+    assert "there is no URDF file" in refusal("spawn", "none", "--urdf", str(tmp_path / "none.urdf"))
     (tmp_path / "hull.stl").write_bytes(b"")
     file = tmp_path / "robot.urdf"
     file.write_text(robot(link("base", mesh("hull.stl"))))
-    said = smartmesh("spawn", "mine", "--urdf", str(file))
+    said = refusal("spawn", "mine", "--urdf", str(file))
     assert "is not in bodies.urdf_folders: add its folder" in said and str(tmp_path / "hull.stl") in said
-    assert "not paused" not in smartmesh("param", "physics.rate") and "physics is running" in smartmesh("step")
-    assert "no parameter 'physics.rat'; did you mean 'physics.rate'?" in smartmesh("param", "physics.rat")
-    assert "it must be" in smartmesh("param", "physics.rate", "-3")
+    assert "physics is running" in refusal("step")
+    assert "no parameter 'physics.rat'; did you mean 'physics.rate'?" in refusal("param", "physics.rat")
+    assert "it must be" in refusal("param", "physics.rate", "-3")
     for text in ("[", "{a: 1}", "2024-01-01", "[0, down]"):
-        assert "write a number, a text, true, false, or a list of one of these" in smartmesh("param", "frame_id", text)
-    assert "it must be of type float, 1 to 10000" in smartmesh("param", "physics.rate", "1" + 30 * "0")
-    assert "put no option before run" in smartmesh("--timeout", "5", "run", "terrain_source")
+        assert "write a number, a text, true, false, or a list of one of these" in refusal("param", "frame_id", text)
+    assert "it must be of type float, 1 to 10000" in refusal("param", "physics.rate", "1" + 30 * "0")
+    assert "put no option before run" in refusal("--timeout", "5", "run", "terrain_source")
 
 
 def test_a_robot_is_sent_as_the_node_reads_its_file(shared: Probe, smartmesh: Command, tmp_path: Path) -> None:

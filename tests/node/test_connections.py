@@ -99,10 +99,7 @@ def test_large_maps_go_through_with_the_installed_profile(probe: Probe, monkeypa
         assert "XMLPARSER" not in collider.output
 
 
-UNNAMED = (UNKNOWN, UNKNOWN)
-
-
-def endpoint(gid: int, name: tuple[str, str] = UNNAMED, qos: QoSProfile = BEST_EFFORT) -> Any:
+def endpoint(gid: int, name: tuple[str, str] = (UNKNOWN, UNKNOWN), qos: QoSProfile = BEST_EFFORT) -> Any:
     """What the graph tells of a publisher or subscription; ``name``: of its node, and its namespace."""
     return SimpleNamespace(endpoint_gid=[gid] * 16, node_name=name[0], node_namespace=name[1], qos_profile=qos)
 
@@ -149,6 +146,8 @@ def profiles(kind: Any, parameters: Mapping[str, Any]) -> dict[str, QoSProfile]:
 @pytest.mark.parametrize(("kind", "published", "subscribed"), TOPICS)
 def test_overrides_reach_the_topic_that_they_name_and_no_other(kind: Any, published: str, subscribed: str) -> None:
     before, parameters = profiles(kind, {}), nested(published, "publisher", POLICIES)
+    kept = {qos.history for topic, qos in before.items() if not topic.startswith("to ")}
+    assert kept == {HistoryPolicy.KEEP_LAST}, "one subscriber that reads nothing could hold a publisher up"
     if subscribed:
         parameters |= nested(subscribed, "subscription", POLICIES)
     after = profiles(kind, parameters)

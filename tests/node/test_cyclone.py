@@ -31,10 +31,9 @@ QOS = Qos(
     Policy.History.KeepLast(10),
     Policy.DataRepresentation(use_cdrv0_representation=True, use_xcdrv2_representation=False),
 )
-BASIC = {
-    "boolean": bool, "octet": types.byte, "char": types.uint8, "uint8": types.uint8, "int8": types.int8,
-    "uint16": types.uint16, "int16": types.int16, "uint32": types.uint32, "int32": types.int32,
-    "uint64": types.uint64, "int64": types.int64, "float": types.float32, "double": types.float64,
+# Basic types that Cyclone calls otherwise.
+RENAMED = {
+    "boolean": bool, "octet": types.byte, "char": types.uint8, "float": types.float32, "double": types.float64,
 }  # fmt: skip
 
 
@@ -50,7 +49,7 @@ def cyclone_type(kind: Any) -> Any:
 
 def annotation(slot: Any) -> Any:
     if isinstance(slot, BasicType):
-        return BASIC[slot.typename]
+        return RENAMED.get(slot.typename) or getattr(types, slot.typename)
     if isinstance(slot, AbstractString):
         return str
     if isinstance(slot, AbstractSequence):

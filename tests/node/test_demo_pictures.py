@@ -16,19 +16,8 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.demo import demo, demo_pictures
 from smartmesh_ros.tools.demo.demo_pictures import BODY_COLOURS, Frame
 
-SIDE = 101  # samples of 0.5 m
 # Balls and boxes in the middle, and a robot that has driven far away.
 PLACES = {"ball_0": (0.0, 0.0), "ball_1": (3.0, 1.0), "box_2": (-2.0, -3.0), "husky": (19.0, 8.0)}
-
-
-def still_picture(folder: Path) -> np.ndarray:
-    """The still picture of a short demo, as colours (rows, columns, 3)."""
-    x = np.linspace(-25.0, 25.0, SIDE)
-    heights = np.tile(0.5 * np.sin(0.3 * x), (SIDE, 1)).astype(np.float32)
-    bodies = {name: (*xy, 0.8) for name, xy in PLACES.items()}
-    frames = [Frame(float(time), x, x, heights, np.empty((0, 3, 3)), bodies) for time in range(6)]
-    picture, _ = demo_pictures.draw(frames, folder)
-    return np.asarray(imread(picture))[..., :3]
 
 
 def pixels(picture: np.ndarray, kind: str) -> int:
@@ -39,18 +28,18 @@ def pixels(picture: np.ndarray, kind: str) -> int:
     return int(((away < 0.06) & (brightness > 0.4) & (brightness < 1.1)).sum())
 
 
-def frames_of(picture: np.ndarray) -> list[np.ndarray]:
-    """The six plans, without title and legend."""
-    rows = np.array_split(picture[40:-60], 2)
-    return [frame for row in rows for frame in np.array_split(row, 3, axis=1)]
-
-
 def test_all_of_the_ground_and_every_body_are_in_the_pictures_and_no_other_in_the_legend(tmp_path: Path) -> None:
-    picture = still_picture(tmp_path)
+    x = np.linspace(-25.0, 25.0, 101)
+    heights = np.tile(0.5 * np.sin(0.3 * x), (101, 1)).astype(np.float32)
+    bodies = {name: (*xy, 0.8) for name, xy in PLACES.items()}
+    frames = [Frame(float(time), x, x, heights, np.empty((0, 3, 3)), bodies) for time in range(6)]
+    still, _ = demo_pictures.draw(frames, tmp_path)
+    picture = np.asarray(imread(still))[..., :3]  # colours (rows, columns, 3)
     for edge in (picture[0], picture[-1], picture[:, 0], picture[:, -1]):
         assert (edge > 0.99).all()
-    for frame in frames_of(picture):
-        assert pixels(frame, "husky") > 30, "it went far"
+    for row in np.array_split(picture[40:-60], 2):  # of three plans each, without title and legend
+        for plan in np.array_split(row, 3, axis=1):
+            assert pixels(plan, "husky") > 30, "it went far"
     assert pixels(picture[-60:], "ball") > 5 and pixels(picture[-60:], "husky") > 30
     assert pixels(picture, "can") == 0
 

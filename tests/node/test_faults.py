@@ -14,18 +14,13 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from smartmesh_msgs.msg import Heightmap
 from smartmesh_msgs.srv import SpawnBody
-from visualization_msgs.msg import MarkerArray
 
 from smartmesh_ros.tools.demo import rover
 from smartmesh_ros.tools.testing import COLLIDER, Probe, assert_on_map
 from tests.node.shared import made_with
 
-SHAPE = (40, 30)
 SHARED = {"terrain.motion": "hold"}
-
-
-def rough(seed: int, base: float = 0.0) -> np.ndarray[Any, np.dtype[np.float64]]:
-    return base + np.random.default_rng(seed).normal(size=SHAPE) * 0.1
+ROUGH = np.random.default_rng(1).normal(size=(40, 30)) * 0.1
 
 
 def on_map(probe: Probe, message: Heightmap) -> Callable[[], bool]:
@@ -44,21 +39,10 @@ def on_map(probe: Probe, message: Heightmap) -> Callable[[], bool]:
     return holds
 
 
-def test_a_subscriber_that_reads_nothing_does_not_slow_the_node(shared: Probe) -> None:
-    """Its queue overflows at its own end; everybody else goes on receiving."""
-    patches = shared.topic("patches")
-    with Probe(shared.namespace) as hog:
-        hog.node.create_subscription(MarkerArray, patches, lambda _: None, 1)
-        shared.wait_for(lambda: shared.node.count_subscribers(patches) >= 3)
-        shared.wait_for(on_map(shared, shared.publish_map(rough(1))))
-        before = len(shared.received[patches])
-        shared.wait_for(lambda: len(shared.received[patches]) > before + 60)
-
-
 def test_the_node_runs_where_no_log_can_be_written(probe: Probe, tmp_path: Path) -> None:
     """On a full disk. Where there can be no folder: test_processes.py."""
     with full_disk(tmp_path) as logs, probe.running(environment={"ROS_LOG_DIR": str(logs)}) as process:
-        good = probe.publish_map(rough(1))
+        good = probe.publish_map(ROUGH)
         probe.wait_for(on_map(probe, good), watch=process)
         # A refusal is logged, which needs the disk.
         probe.publish_map(np.zeros((2, 2)))
@@ -88,7 +72,7 @@ def test_parameters_of_no_type_and_empty_lists_of_numbers_are_refused_and_the_no
     empty = Parameter(name="physics.gravity", value=ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY))
     [result] = shared.call("set_parameters", SetParameters, parameters=[empty]).results
     assert not result.successful and "gravity is (); it must be three finite numbers" in result.reason
-    shared.wait_for(on_map(shared, shared.publish_map(rough(1))))
+    shared.wait_for(on_map(shared, shared.publish_map(ROUGH)))
 
 
 def test_the_rover_asks_again_for_what_a_collider_took_and_was_killed_with(
