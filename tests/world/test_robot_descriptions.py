@@ -5,6 +5,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from time import sleep
 
 import pytest
 
@@ -12,6 +13,7 @@ from smartmesh_ros import BodyState, InputError, JointCommand, Sphere, World
 from smartmesh_ros.io.urdf import checked_urdf
 from smartmesh_ros.world.robots.prepared import prepare_robot
 from smartmesh_ros.world.robots.workshop import WORKSHOP
+from tests.preloaded import has_ended
 from tests.urdfs import joint, link, mesh, robot
 
 A, B, C = link("a"), link("b"), link("c")
@@ -122,11 +124,11 @@ def test_the_child_ends_with_its_parent_and_a_known_robot_needs_none(world: Worl
     with subprocess.Popen([sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as parent:
         assert parent.stdout is not None
         child = int(parent.stdout.readline())
-        assert Path(f"/proc/{child}").exists()
+        assert not has_ended(child)
         parent.kill()
         parent.wait()
-        while Path(f"/proc/{child}").exists():
-            pass
+        while not has_ended(child):
+            sleep(0.01)
     first = prepare_robot(robot(B))
     WORKSHOP.close()
     assert prepare_robot(robot(B) + "\n").files == first.files
