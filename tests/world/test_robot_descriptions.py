@@ -5,7 +5,6 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from time import sleep
 
 import pytest
 
@@ -13,6 +12,7 @@ from smartmesh_ros import BodyState, InputError, JointCommand, Sphere, World
 from smartmesh_ros.io.urdf import checked_urdf
 from smartmesh_ros.world.robots.prepared import prepare_robot
 from smartmesh_ros.world.robots.workshop import WORKSHOP
+from tests.node.shared import wait_until
 from tests.preloaded import has_ended
 from tests.urdfs import joint, link, mesh, robot
 
@@ -127,8 +127,7 @@ def test_the_child_ends_with_its_parent_and_a_known_robot_needs_none(world: Worl
         assert not has_ended(child)
         parent.kill()
         parent.wait()
-        while not has_ended(child):
-            sleep(0.01)
+        wait_until(lambda: has_ended(child))
     first = prepare_robot(robot(B))
     WORKSHOP.close()
     assert prepare_robot(robot(B) + "\n").files == first.files
