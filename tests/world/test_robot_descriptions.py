@@ -250,7 +250,7 @@ def test_descriptions_outside_the_folders_are_refused_whether_there_or_not(folde
         (robot(link("a", more="x" * 3000)), "bytes"), (robot(A, B, C, link("d")), "4 links"),
         (robot(link("a", '<box size="1 nan 1"/>')), "finite"), (robot(link("a", mass=1e-300)), "mass"),
         (robot(link("a", '<sphere radius="1e300"/>')), "must be"), (robot(link("a", moment=1e300)), "ixx"),
-        (robot(link("a", at="0 0 1e200")), "xyz"),
+        (robot(link("a", at="0 0 1e200")), "xyz"), (robot(A, B, AB.replace("0 0 0.3", "0 0 1e200")), "xyz"),
     ],
 )  # fmt: skip
 def test_descriptions_that_cannot_be_are_refused(folders: list[Path], text: str, words: str) -> None:
