@@ -18,19 +18,8 @@ from rcl_interfaces import srv as parameters
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image, JointState
 from shape_msgs.msg import SolidPrimitive
+from smartmesh_msgs import srv
 from smartmesh_msgs.msg import BodySpecification, HeightmapUpdate, TerrainMeshUpdate, TrackedBody, TrackedBodyArray
-from smartmesh_msgs.srv import (
-    CastRays,
-    QueryGround,
-    RemoveBodies,
-    RemoveBody,
-    RestoreState,
-    SaveState,
-    SpawnBodies,
-    SpawnBody,
-    StartEpisode,
-    StepPhysics,
-)
 from std_msgs.msg import Header, String
 from std_srvs.srv import SetBool, Trigger
 
@@ -158,24 +147,25 @@ def _transforms(rng: np.random.Generator) -> Any:
 _SHAPES = {"crate": (SolidPrimitive.BOX, [0.3, 0.2, 0.2]), "tin": (SolidPrimitive.CYLINDER, [0.3, 0.1])}
 
 
-def _spawn(rng: np.random.Generator, kind: Any = SpawnBody.Request) -> Any:
+def _spawn(rng: np.random.Generator, kind: Any = srv.SpawnBody.Request) -> Any:
     name = one_of(rng, "ball", "crate", "tin", "robot", "again")
     form, dimensions = _SHAPES.get(name, (SolidPrimitive.SPHERE, [0.2]))
     shape = SolidPrimitive() if name == "robot" else SolidPrimitive(type=form, dimensions=dimensions)
     request = kind(id=name, mass=1.0, pose=_place(rng), shape=shape, urdf=ROBOT if name == "robot" else "")
-    if kind is SpawnBody.Request and rng.random() < 0.3:
+    if kind is srv.SpawnBody.Request and rng.random() < 0.3:
         request.on_ground, request.align, request.clearance = True, one_of(rng, True, False), rng.uniform(0.0, 0.5)
     return request
 
 
 def _query(rng: np.random.Generator) -> Any:
     x, y = rng.uniform(-5.0, 15.0, (2, int(rng.integers(0, 6)))).tolist()
-    return _framed(QueryGround.Request(x=x, y=y, below=one_of(rng, x, [], [])), one_of(rng, "", "map", "odom", "ball"))
+    request = srv.QueryGround.Request(x=x, y=y, below=one_of(rng, x, [], []))
+    return _framed(request, one_of(rng, "", "map", "odom", "ball"))
 
 
 def _cast(rng: np.random.Generator) -> Any:
     origins, directions = rng.normal(scale=5.0, size=(2, 3 * int(rng.integers(0, 6)))).tolist()
-    request = CastRays.Request(origins=origins, directions=directions, range=float(rng.uniform(0.1, 50.0)))
+    request = srv.CastRays.Request(origins=origins, directions=directions, range=float(rng.uniform(0.1, 50.0)))
     return _framed(request, one_of(rng, "", "map", "odom", "ball"))
 
 
@@ -214,16 +204,16 @@ _MAKERS: dict[str, Any] = {
     "point_cloud": _cloud,
     "grid_map": _grid_map,
     "spawn_body": _spawn,
-    "remove_body": lambda rng: RemoveBody.Request(id=one_of(rng, "ball", "crate", "robot", "rover")),
-    "spawn_bodies": lambda rng: SpawnBodies.Request(bodies=[_spawn(rng, BodySpecification) for _ in range(2)]),
-    "remove_bodies": lambda rng: RemoveBodies.Request(ids=["ball", one_of(rng, "crate", "tin", "ball")]),
+    "remove_body": lambda rng: srv.RemoveBody.Request(id=one_of(rng, "ball", "crate", "robot", "rover")),
+    "spawn_bodies": lambda rng: srv.SpawnBodies.Request(bodies=[_spawn(rng, BodySpecification) for _ in range(2)]),
+    "remove_bodies": lambda rng: srv.RemoveBodies.Request(ids=["ball", one_of(rng, "crate", "tin", "ball")]),
     "query_ground": _query,
     "cast_rays": _cast,
-    "step": lambda rng: StepPhysics.Request(steps=int(rng.integers(1, 4))),
+    "step": lambda rng: srv.StepPhysics.Request(steps=int(rng.integers(1, 4))),
     "reset": lambda rng: Trigger.Request(),
-    "save_state": lambda rng: SaveState.Request(),
-    "restore_state": lambda rng: RestoreState.Request(state=bytes(rng.bytes(64))),
-    "start_episode": lambda rng: StartEpisode.Request(seed=int(rng.integers(9))),
+    "save_state": lambda rng: srv.SaveState.Request(),
+    "restore_state": lambda rng: srv.RestoreState.Request(state=bytes(rng.bytes(64))),
+    "start_episode": lambda rng: srv.StartEpisode.Request(seed=int(rng.integers(9))),
     "reset_terrain_clock": lambda rng: Trigger.Request(),
     "pause": lambda rng: SetBool.Request(data=bool(rng.random() < 0.2)),
     "set_parameters": _settings(parameters.SetParameters),

@@ -8,15 +8,7 @@ from pathlib import Path
 import pytest
 from ament_index_python.packages import get_package_prefix
 
-from tests.newcomer.conftest import (
-    HERE,
-    MESSAGES,
-    ROOT,
-    Workspace,
-    build_command,
-    line_with,
-    readme_block,
-)
+from tests.newcomer.conftest import HERE, MESSAGES, ROOT, Workspace, build_command, line_with, readme_block
 
 ROSDEP = f"""
 export ROS_DISTRO=jazzy ROS_PYTHON_VERSION=3 ROS_HOME=$PWD/ros_home ROSDEP_SOURCE_PATH=$PWD/rosdep_sources

@@ -16,15 +16,12 @@ FLAT = np.zeros((101, 101))
 WEIGHT = 5e3 * 0.04  # [N] of a box of 0.2 m under 5 kPa
 
 
-def with_box(
-    soil: str | SoilType = "", grid: float = 0.04, place: tuple[float, float] = (2.003, 2.007), height: float = 0.1
-) -> World:
-    """Return a world with a box of 0.2 m that presses with 5 kPa, on soil if its name is given."""
+def with_box(soil: str, grid: float = 0.04, place: tuple[float, float] = (2.003, 2.007), height: float = 0.1) -> World:
+    """Return a world with a box of 0.2 m that presses a soil with 5 kPa."""
     side = round(4.0 / grid) + 1
     world = World(HeightMap(np.zeros((side, side)), resolution=grid))
     world.spawn("box", Box(0.2, 0.2, 0.2), WEIGHT / 9.81, BodyState((*place, height)))
-    if soil:
-        world.ground.set_soil(Soil(world.terrain, soil))
+    world.ground.set_soil(Soil(world.terrain, soil))
     return world
 
 
@@ -81,9 +78,8 @@ def test_a_body_that_falls_onto_the_soil_is_not_set_down() -> None:
 
 
 def test_changes_are_what_another_map_needs_to_look_alike() -> None:
-    with with_box() as world:
-        soil = Soil(world.terrain, "dry_sand")
-        world.ground.set_soil(soil)
+    with with_box("dry_sand") as world:
+        soil = world.ground.soil
         world.spawn("ball", Sphere(0.1), 5.0, BodyState((0.8, 3.0, 0.1), linear=(1.0, 0.0, 0.0)))
         copy = np.zeros(soil.map.heights.shape, np.float32)
         assert soil.changes(world.time, everything=True) is None, "nobody has pressed the soil"
@@ -214,8 +210,8 @@ def test_a_body_that_is_put_into_the_soil_has_a_print_there_that_carries_it(soil
 
 
 def test_prints_stay_in_the_map_and_new_ground_is_new_soil() -> None:
-    with with_box(grid=0.02) as world:
-        world.ground.set_soil(soil := Soil(world.terrain, "lunar"))
+    with with_box("lunar", grid=0.02) as world:
+        soil = world.ground.soil
         world.step(240)
         deep = soil.sinkage().max()
         assert deep == pytest.approx(0.1 - world.state("box").position[2], abs=1e-4)
@@ -236,8 +232,8 @@ def test_prints_stay_in_the_map_and_new_ground_is_new_soil() -> None:
 @pytest.mark.parametrize("way", ["update", "restore"])
 def test_soil_goes_with_its_map(way: str, caplog: pytest.LogCaptureFixture) -> None:
     """Whose place another map takes: bodies stand on that one, and the soil of a map that is no tile is refused."""
-    with with_box() as world:
-        world.ground.set_soil(soil := Soil(world.terrain, "lunar"))
+    with with_box("lunar") as world:
+        soil = world.ground.soil
         world.step(240)
         world.terrain.put("", HeightMap(np.full((9, 9), 0.05), resolution=0.5))
         if way == "restore":

@@ -4,45 +4,41 @@ import math
 from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros import (
-    BodyState,
-    HeightMap,
-    InputError,
-    Material,
-    MotionConfig,
-    PhysicsConfig,
-    Soil,
-    SoilType,
-    World,
-    WorldConfig,
-)
+from smartmesh_ros import BodyState, HeightMap, InputError, Material, MotionConfig, Soil, SoilType, World
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.soil.config import soil_named, soils_of
 from tests.bodies import about_z
-from tests.grounds import level, moving
+from tests.grounds import level, moving, world_of
 
 FLAT = np.zeros((101, 101))
 ALONG = np.tile(0.04 * np.arange(-50, 51), (101, 1))  # [m], from the middle
 BOX = Box(0.2, 0.2, 0.2)
 
 
+def world_on(soil: str | list[str], heights: np.ndarray = FLAT, **physics: Any) -> World:
+    """A world on soil, with some settings of its physics."""
+    world = world_of(HeightMap(heights, resolution=0.04), **physics)
+    world.ground.set_soil(Soil(world.terrain, soil))
+    return world
+
+
 @pytest.mark.parametrize("shape", [Box(0.3, 0.3, 0.3), Sphere(0.15), Cylinder(radius=0.15, height=0.2)])
 def test_a_heavy_body_dropped_from_a_metre_is_neither_lost_nor_thrown(shape: Shape) -> None:
-    with World(HeightMap(FLAT, resolution=0.04)) as world:
+    with world_on("lunar") as world:
         world.spawn("heavy", shape, 40.0, BodyState((2.0, 2.0, 1.15)))
-        world.ground.set_soil(soil := Soil(world.terrain, "lunar"))
         heights = []
         for _ in range(960):
             world.step()
             heights.append(world.state("heavy").position[2])
         assert max(islice(heights, int(np.argmax(np.array(heights) < 0.2)), None)) < 0.25
         assert max(heights[200:]) - min(heights) < 1e-3
-        assert 0.0 < soil.sinkage().max() < 0.2
+        assert 0.0 < world.ground.soil.sinkage().max() < 0.2
         assert world.rescues == 0
 
 
@@ -60,9 +56,7 @@ def test_a_heavy_body_dropped_from_a_metre_is_neither_lost_nor_thrown(shape: Sha
 def test_what_is_kept_awake_on_soil_lies_still(shape: Shape, mass: float, soil: str, rate: float) -> None:
     """Light and wide or tall, also on a slope: it neither rocks nor digs itself in, and the soil bears its weight."""
     for slope in (0.0, 0.15):
-        config = WorldConfig(physics=PhysicsConfig(rate=rate, sleep=False))
-        with World(HeightMap(slope * ALONG, resolution=0.04), config) as world:
-            world.ground.set_soil(Soil(world.terrain, soil))
+        with world_on(soil, slope * ALONG, rate=rate, sleep=False) as world:
             world.spawn("body", shape, mass, BodyState((2.003, 1.997, 0.0)), on_ground=True, align=True)
             world.step(round(3.0 * rate))
             start = world.state("body").position
@@ -74,11 +68,9 @@ def test_what_is_kept_awake_on_soil_lies_still(shape: Shape, mass: float, soil: 
 
 def test_a_sliding_box_is_held_by_the_shear_strength() -> None:
     """On a slope below the angle of friction a box creeps by millimetres and stays; above, it slides."""
-    x = np.tile(0.04 * np.arange(101), (101, 1))
     for degrees in (15.0, 45.0):
-        with World(HeightMap(-math.tan(math.radians(degrees)) * x, resolution=0.04)) as world:
+        with world_on("dry_sand", -math.tan(math.radians(degrees)) * ALONG) as world:
             world.spawn("box", Box(0.2, 0.2, 0.1), 20.0, BodyState((2.0, 2.0, 0.0)), on_ground=True, align=True)
-            world.ground.set_soil(Soil(world.terrain, "dry_sand"))
             places = [2.0]
             for seconds in (1.0, 0.5, 0.5):
                 world.step(round(seconds / world.dt))
@@ -95,9 +87,8 @@ def test_what_sleeps_on_hard_soil_sinks_when_soft_soil_lies_there() -> None:
     """By an assignment to the map, and by a map that scrolled: its soils stay with the ground. Kinds that are not there
     count as the last, also in a saved state, and a map that says none has the first."""
     for scrolls, kind in ((False, 200), (True, 1)):
-        with World(HeightMap(FLAT, resolution=0.04)) as world:
+        with world_on(["lunar", "clay"]) as world:
             world.spawn("box", BOX, 20.0, BodyState((2.0, 2.0, 0.1)))
-            world.ground.set_soil(Soil(world.terrain, ["lunar", "clay"]))
             world.terrain.tile("").soil = np.full((101, 101), kind)
             world.step(480)
             assert world.is_asleep("box")
@@ -116,9 +107,8 @@ def test_what_sleeps_on_hard_soil_sinks_when_soft_soil_lies_there() -> None:
 
 def test_what_slept_on_soil_and_touches_nothing_any_more_is_not_carried() -> None:
     """PyBullet keeps it from the ground, and the contacts in which it fell asleep are gone."""
-    with World(HeightMap(FLAT, resolution=0.04)) as world:
+    with world_on("dry_sand") as world:
         world.spawn("box", BOX, 20.0, BodyState((2.0, 2.0, 0.1)))
-        world.ground.set_soil(Soil(world.terrain, "dry_sand"))
         world.step(240)
         assert world.is_asleep("box")
         assert "box" in world.ground.on_soil()
@@ -260,9 +250,8 @@ def test_bad_files_are_refused(tmp_path: Path, text: str, words: str) -> None:
 @pytest.mark.parametrize("shape", [Box(0.2, 0.2, 0.2), Sphere(0.1), Cylinder(radius=0.1, height=0.2)])
 def test_a_map_that_is_higher_at_once_lifts_what_stands_in_its_soil(shape: Shape) -> None:
     """Without a velocity, as after a long break. What stood there is below the new ground; its print goes along."""
-    with World(HeightMap(FLAT, resolution=0.04)) as world:
+    with world_on("dry_sand") as world:
         world.spawn("body", shape, 10.0, BodyState((2.0, 2.0, 0.1)))
-        world.ground.set_soil(Soil(world.terrain, "dry_sand"))
         world.step(240)
         before = world.state("body").position[2]
         world.terrain.tile("").replace(FLAT + 0.3, time=world.time + 100.0)

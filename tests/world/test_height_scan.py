@@ -72,11 +72,10 @@ def turned(x: float, y: float, z: float, yaw: float, tilt: float = 0.0) -> BodyS
 
 
 @pytest.mark.parametrize("ground", GROUNDS)
-@pytest.mark.parametrize("order", ["xy", "yx"])
-def test_a_scan_is_the_ground_at_its_points(ground: str, order: str) -> None:
+def test_a_scan_is_the_ground_at_its_points(ground: str) -> None:
     """Of bodies anywhere, also at and beyond the edge of the ground."""
     rng = np.random.default_rng(3)
-    scan = HeightScan(size=(1.1, 0.7), spacing=0.09, offset=(0.2, -0.1, 0.0), order=order)
+    scan = HeightScan(size=(1.1, 0.7), spacing=0.09, offset=(0.2, -0.1, 0.0), order="yx")
     with World(GROUNDS[ground]()) as world:
         world.time = 0.22
         poses = np.column_stack([rng.uniform(-4.5, 4.5, (60, 2)), rng.uniform(0, 2, 60), rng.uniform(-4, 4, 60)])

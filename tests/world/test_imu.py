@@ -130,7 +130,7 @@ def test_measuring_changes_nothing_and_ends_with_close() -> None:
             for imu in imus:
                 assert imu.take()
                 imu.close()
-            world.step()
+            world.step(12)
             assert not any(imu.take() for imu in imus)
     assert states[0] == states[1]
 
