@@ -14,7 +14,7 @@ from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.ground.config import set_up
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.grid import FloatArray
-from tests.bodies import LYING, reach, rotation
+from tests.bodies import LYING, random_turn, reach, rotation
 from tests.core.contact_cases import contacts_of, random_rotation
 from tests.grounds import end_of, level, shaped, world_of
 
@@ -160,10 +160,10 @@ def test_impacts_of_shapes_that_turn_are_not_deep(name: str) -> None:
     rng = np.random.default_rng(2)
     with world_of(HeightMap(np.zeros((41, 41)), resolution=0.1 * apart), sleep=False) as world:
         for k in range(16):
-            turn = rng.normal(size=4)
+            turn = tuple(random_turn(rng))
             place = (apart * (0.5 + k % 4), apart * (0.5 + k // 4), 0.3 if apart < 2.0 else 1.5)
             linear = (*rng.uniform(-2.0, 2.0, 2), rng.uniform(-6.0, -2.0) * (1.0 if apart < 2.0 else 2.0))
-            state = BodyState(place, tuple(turn / np.linalg.norm(turn)), linear, tuple(rng.uniform(-10.0, 10.0, 3)))
+            state = BodyState(place, turn, linear, tuple(rng.uniform(-10.0, 10.0, 3)))
             world.spawn(f"{k}", shape, 0.1, state)
         deep = np.zeros(16, int)
         for _ in range(240):
