@@ -1,6 +1,7 @@
 """Bodies of every shape as tests know them, written independently of the package: where they are, turned how."""
 
 import math
+from collections.abc import Iterable
 from functools import cache
 from typing import Any
 
@@ -10,7 +11,7 @@ from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros import Ground, HeightMap, Terrain
 from smartmesh_ros.core.body_shape import BodyShape
-from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from smartmesh_ros.ground.shapes import Box, Capsule, Cylinder, Shape, Solid, Sphere
 from smartmesh_ros.terrain.terrain import MainMesh
 
 Turn = tuple[float, float, float, float]
@@ -101,7 +102,7 @@ def lowest_of(shape: BodyShape, position: np.ndarray, turn: np.ndarray) -> float
     return 1024.0 - height(client, body) + float(position[2])
 
 
-def put(client: Any, shape: Shape, at: tuple[float, float, float], mass: float = 1.0, **options: Any) -> int:
+def put(client: Any, shape: Solid, at: Iterable[float], mass: float = 1.0, **options: Any) -> int:
     """A body in a PyBullet client of the test's own; returns its id."""
     return int(client.createMultiBody(mass, client.createCollisionShape(**shape.bullet()), basePosition=at, **options))
 

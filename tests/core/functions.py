@@ -40,6 +40,10 @@ def pose() -> np.ndarray:
     return np.array([0.1, 0.2, 0.3, 0.0, 0.0, 0.6, 0.8])
 
 
+def moved() -> Arguments:
+    return {"time": 1.0, "pose": pose(), "velocity": np.ones(6)}
+
+
 def tiles() -> Any:
     return CORE.Tiles([new_grid(), new_mesh(known=KEPT, newest=1, lifetime=1.0), deck()])
 
@@ -163,18 +167,12 @@ ENTRIES = {
         "tiles": tiles(), "poses": np.ones((COUNT, 3)), "pattern": np.ones((4, 2)), "time": 0.0,
         "heights": np.zeros((COUNT, 4)),
     }, written=("heights",), finite=("pattern", "time")),
-    "Deck.move": Entry(lambda **given: deck().move(**given), lambda: {
-        "time": 1.0, "pose": pose(), "velocity": np.ones(6),
-    }, optional=("velocity",), finite=("time", "pose", "velocity")),
-    "Deck.put": Entry(lambda **given: deck().put(**given), lambda: {
-        "time": 1.0, "pose": pose(), "velocity": np.ones(6),
-    }, optional=("velocity",), finite=("time", "pose", "velocity")),
-    "Deck.recall": Entry(lambda **given: deck().recall(**given), lambda: {
-        "memory": deck().memory(),
-    }, finite=("memory",)),
-    "Deck.carry": Entry(lambda **given: deck().carry(**given), lambda: {
-        "body": 1, "link": -1, "place": pose(),
-    }, finite=("place",)),
+    "Deck.move": Entry(lambda **given: deck().move(**given), moved, optional=("velocity",), finite=tuple(moved())),
+    "Deck.put": Entry(lambda **given: deck().put(**given), moved, optional=("velocity",), finite=tuple(moved())),
+    "Deck.recall": Entry(lambda **given: deck().recall(**given), lambda: {"memory": deck().memory()},
+        finite=("memory",)),
+    "Deck.carry": Entry(lambda **given: deck().carry(**given), lambda: {"body": 1, "link": -1, "place": pose()},
+        finite=("place",)),
     "sample_grid": Entry(CORE.sample_grid, lambda: {
         "grid": new_grid(), "indices": np.arange(COUNT), "time": 0.0, "ahead": 0.1,
     }, rows=("indices",), finite=("time", "ahead")),

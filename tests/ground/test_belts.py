@@ -56,19 +56,6 @@ def test_a_belt_that_passes_whole_cells_a_map_goes_on() -> None:
         assert found(time).linear[0] == pytest.approx(4.0 + 2.0 * time, abs=0.1)
 
 
-def test_a_belt_whose_heights_are_replaced_has_stopped() -> None:
-    """`replace` says that the map is where it was."""
-    terrain = Terrain()
-    for step in range(13):
-        terrain.put("", belt(lambda time: (0.3 * time, 0.0, 0.0), step / 60))
-    heightmap = terrain.tile("")
-    assert isinstance(heightmap, HeightMap)
-    assert heightmap.track.motion[:2] == pytest.approx((0.3, 0.0))
-    heightmap.replace(FLAT, time=13 / 60)
-    assert heightmap.track.motion[:2] == (0.0, 0.0)
-    assert heightmap.placed_at(14 / 60).origin[0] == heightmap.geometry.origin[0]
-
-
 @pytest.mark.parametrize(
     ("body", "start", "maps", "share", "error"),
     [*((BOX, (1.0, 0.0), maps, 0.2, 2e-5) for maps in (20, 60, 240)), (ROBOT, (0.513, 0.028), 60, 0.0, 2e-3)],

@@ -9,7 +9,6 @@ import pybullet_data
 import pytest
 
 from smartmesh_ros import Box, Capsule, Cylinder, Sphere
-from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.ground.body_shapes import read_shapes
 from tests.bodies import ground_of, height, lowest_of, put, random_turn, run
 from tests.grounds import level
@@ -27,14 +26,6 @@ SEVERAL = link(
     '</collision><collision><origin xyz="0.1 0.3 0.2" rpy="1.1 0.4 0"/><geometry><capsule radius="0.1" length="0.9"/>'
     "</geometry></collision>",
 )  # fmt: skip
-
-
-def test_a_hull_tells_its_vertices_about_the_middle_of_its_bounds() -> None:
-    points = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 4.0]])
-    hull = BodyShape.hull(points)
-    for shape in (hull, *hull.parts):
-        np.testing.assert_allclose(np.add(shape.vertices, shape.offset), points)
-    assert BodyShape.ball(1.0).vertices.shape == (0, 3)
 
 
 @pytest.mark.parametrize("maximal", [False, True])

@@ -171,19 +171,18 @@ def moved(numbers: Any) -> Any:
     return tuple(moved(each) for each in numbers) if isinstance(numbers, tuple) else numbers + 1e-6
 
 
+def moved_at(at: int) -> Callable[[Any], Any]:
+    """Contacts of PyBullet, of which one number or point is a little larger."""
+    return lambda points: tuple((*each[:at], moved(each[at]), *each[at + 1 :]) for each in points)
+
+
 # What PyBullet is asked and told, its answer if it keeps it elsewhere than the core, and what the two differ in then.
 ELSEWHERE: list[tuple[str, Callable[[Any], Any], str]] = [
     ("getBasePositionAndOrientation", moved, "the states of bodies and links"),
     ("getLinkState", moved, "the states of bodies and links"),
     ("setPhysicsEngineParameter", lambda _: None, "the settings of the solver"),
-    *(
-        (
-            "getContactPoints",
-            lambda points, at=at: tuple((*p[:at], moved(p[at]), *p[at + 1 :]) for p in points),
-            "contacts",
-        )
-        for at in (6, 7, 8, 9, 10)  # the point, the normal, the distance, the force, friction
-    ),
+    # The point, the normal, the distance, the force, friction.
+    *(("getContactPoints", moved_at(at), "contacts") for at in (6, 7, 8, 9, 10)),
     ("rayTest", lambda _: (), "pairs of bodies"),
 ]
 

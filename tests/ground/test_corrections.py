@@ -1,6 +1,7 @@
 """Bodies are taken along by corrections of the ground under them, and gain nothing by it."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +9,6 @@ import pytest
 from smartmesh_ros import BodyState, Carrier, Deck, HeightMap, MotionConfig, World
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.terrain.terrain import MainMesh
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.bodies import rotation
 from tests.core import mesh_parts
@@ -221,8 +221,21 @@ def test_what_lies_on_a_deck_goes_with_the_body_that_carries_the_deck(by: float,
         assert world.rescues == 0
 
 
-def bridge() -> TriangleMesh:
-    return TriangleMesh(*mesh_parts.box((-1.0, -1.0, 0.5), (1.0, 1.0, 0.6)))
+def bridged(road: HeightMap, on: str, **physics: Any) -> World:
+    """A world of a road and a bridge over it: a mesh, also of the deck whose map is the road, or a tracked body. A box
+    is on the bridge, and one below."""
+    bridge = TriangleMesh(*mesh_parts.box((-1.0, -1.0, 0.5), (1.0, 1.0, 0.6)))
+    terrain = terrain_of(road=Deck(road) if on == "mesh of a deck" else road)
+    if on == "mesh":
+        terrain.put("bridge", bridge)
+    elif on == "mesh of a deck":
+        terrain.deck("road").put("bridge", bridge)
+    world = world_of(terrain, **physics)
+    if on == "tracked body":
+        world.track("bridge", Box(2.0, 2.0, 0.1), BodyState((0.0, 0.0, 0.55)))
+    for name, z in (("above", 0.75), ("below", 0.15)):
+        world.spawn(name, SHAPES["box"], 5.0, BodyState((0.0, 0.0, z)))
+    return world
 
 
 @pytest.mark.parametrize("by", [0.1, -0.1])
@@ -233,17 +246,8 @@ def test_what_lies_close_above_the_ground_on_what_stays_goes_with_no_correction(
 ) -> None:
     """A stack is on the bridge, a box on the road below it, another one beside it."""
     road = corrected()
-    tiles: dict[str, MainMesh | Deck] = {"road": road}
-    if on == "mesh":
-        tiles["bridge"] = bridge()
-    elif on == "mesh of a deck":
-        deck = tiles["deck"] = Deck(road)
-        deck.put("bridge", bridge())
-        del tiles["road"]
-    with world_of(terrain_of(**tiles), sleep=sleep) as world:
-        if on == "tracked body":
-            world.track("bridge", Box(2.0, 2.0, 0.1), BodyState((0.0, 0.0, 0.55)))
-        for name, x, z in (("above", 0.0, 0.75), ("top", 0.0, 1.05), ("below", 0.0, 0.15), ("beside", 2.0, 0.15)):
+    with bridged(road, on, sleep=sleep) as world:
+        for name, x, z in (("top", 0.0, 1.05), ("beside", 2.0, 0.15)):
             world.spawn(name, SHAPES["box"], 5.0, BodyState((x, 0.0, z)))
         world.step(480)
         for name, way in ways_with(world, road, by).items():
@@ -255,11 +259,7 @@ def test_what_lies_close_above_the_ground_on_what_stays_goes_with_no_correction(
 @pytest.mark.parametrize("on", ["mesh", "tracked body"])
 def test_what_sleeps_on_what_stays_goes_with_no_correction_that_noise_could_explain(on: str) -> None:
     road = corrected(0.001)
-    with world_of(terrain_of(road=road, **({"bridge": bridge()} if on == "mesh" else {}))) as world:
-        if on == "tracked body":
-            world.track("bridge", Box(2.0, 2.0, 0.1), BodyState((0.0, 0.0, 0.55)))
-        world.spawn("above", SHAPES["box"], 5.0, BodyState((0.0, 0.0, 0.75)))
-        world.spawn("below", SHAPES["box"], 5.0, BodyState((0.0, 0.0, 0.15)))
+    with bridged(road, on) as world:
         world.step(480)
         assert world.is_asleep("above") and world.is_asleep("below")
         ways = ways_with(world, road, 0.002)

@@ -12,9 +12,9 @@ import pytest
 from smartmesh_ros import BodyState, Box, Cylinder, Ground, HeightMap, PhysicsConfig, Sphere
 from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.ground.config import set_up
-from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros.ground.shapes import Hull, Shape, Solid
 from smartmesh_ros.terrain.grid import FloatArray
-from tests.bodies import LYING, reach, rotation
+from tests.bodies import LYING, put, random_turn, reach, rotation
 from tests.core.contact_cases import contacts_of, random_rotation
 from tests.grounds import end_of, level, shaped, world_of
 
@@ -90,16 +90,13 @@ def test_crests_stay_outside_shapes_that_lean_over_them(client: Any, form: str, 
             points = rng.normal(size=(10, 3))
             points = points / np.linalg.norm(points, axis=1)[:, None] * half
         at, turn = leaning(points, rng, form)
-        if is_box:
-            shape = client.createCollisionShape(pb.GEOM_BOX, halfExtents=half.tolist())
-        else:
-            shape = client.createCollisionShape(pb.GEOM_MESH, vertices=points.tolist())
-        body = client.createMultiBody(1.0, shape, -1, at + (0.0, y, 0.0), turn)
+        shape: Solid = Box(*(2.0 * half)) if is_box else Hull(tuple(map(tuple, points)))
+        body = put(client, shape, at + (0.0, y, 0.0), baseOrientation=turn)
         client.changeDynamics(body, -1, lateralFriction=rng.choice([0.0, 0.5]), collisionMargin=1e-4)
         if speed > 0.0:
             way = rotation(turn) @ (speed, 0.0, 0.0)
             client.resetBaseVelocity(body, way.tolist(), rng.normal(0.0, speed, 3).tolist())
-        ground.attach(body, shape=Box(*(2.0 * half)) if is_box else BodyShape.hull(points))
+        ground.attach(body, shape=shape)
         line = np.column_stack([np.zeros(81), np.linspace(y - 0.5, y + 0.5, 81), np.full(81, TOP)])
         bodies.append((body, line, planes_of(points)))
     deepest = 0.0
@@ -160,10 +157,10 @@ def test_impacts_of_shapes_that_turn_are_not_deep(name: str) -> None:
     rng = np.random.default_rng(2)
     with world_of(HeightMap(np.zeros((41, 41)), resolution=0.1 * apart), sleep=False) as world:
         for k in range(16):
-            turn = rng.normal(size=4)
+            turn = tuple(random_turn(rng))
             place = (apart * (0.5 + k % 4), apart * (0.5 + k // 4), 0.3 if apart < 2.0 else 1.5)
             linear = (*rng.uniform(-2.0, 2.0, 2), rng.uniform(-6.0, -2.0) * (1.0 if apart < 2.0 else 2.0))
-            state = BodyState(place, tuple(turn / np.linalg.norm(turn)), linear, tuple(rng.uniform(-10.0, 10.0, 3)))
+            state = BodyState(place, turn, linear, tuple(rng.uniform(-10.0, 10.0, 3)))
             world.spawn(f"{k}", shape, 0.1, state)
         deep = np.zeros(16, int)
         for _ in range(240):

@@ -65,24 +65,6 @@ def test_what_cannot_be_attached_is_refused_whole(client: Any) -> None:
     assert len(ground.followers) == 3
 
 
-def require_standing(client: Any, ground: Ground) -> None:
-    """Assert that a ball falls to the ground, which is new, and stands on it."""
-    assert ground.clock == 0.0
-    body = put(client, BALL, START)
-    ground.attach(body)
-    run(ground, 480)
-    assert height(client, body) == pytest.approx(0.2, abs=1e-4)
-
-
-def test_a_client_has_one_ground_at_a_time(client: Any) -> None:
-    first = ground_of(client, level(), put(client, BALL, (1.0, 0.0, 0.5)))
-    client.stepSimulation()
-    with pytest.raises(InputError, match="has a ground already"):
-        Ground(client, level())
-    first.close()
-    require_standing(client, Ground(client, level()))
-
-
 def test_a_client_that_was_reset_is_named_in_each_refusal_and_takes_a_new_ground(client: Any) -> None:
     ground = ground_of(client, level(), put(client, BALL, START))
     ground.show()
@@ -103,7 +85,11 @@ def test_a_client_that_was_reset_is_named_in_each_refusal_and_takes_a_new_ground
     ground.close()
     assert not ground.shown and ground.soil is None
     client.setGravity(0.0, 0.0, -9.81)
-    require_standing(client, Ground(client, level()))
+    body = put(client, BALL, START)
+    other = ground_of(client, level(), body)
+    assert other.clock == 0.0
+    run(other, 480)
+    assert height(client, body) == pytest.approx(0.2, abs=1e-4)
 
 
 @pytest.mark.parametrize("maximal", [False, True])

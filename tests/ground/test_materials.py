@@ -128,11 +128,9 @@ def test_what_rolls_coasts_down_by_the_coefficient(
     along = np.array([math.cos(heading), math.sin(heading), 0.0])
     spin = np.cross([0.0, 0.0, 1.0], along) * speed / RADIUS
     ground = level(201, material=Material(rolling=rolling))
+    start = BodyState((0.0, 0.0, RADIUS), orientation, tuple(speed * along), tuple(spin))
     with world_of(ground, rate=rate, sleep=False, friction=0.8) as world:
-        world.spawn(
-            "body", shape, mass,
-            BodyState((0.0, 0.0, RADIUS), orientation=orientation, linear=tuple(speed * along), angular=tuple(spin)),
-        )  # fmt: skip
+        world.spawn("body", shape, mass, start)
         world.step(int(12.0 * rate))
         there = np.array(world.state("body").position)
         assert there @ along == pytest.approx(speed**2 * (1.0 + inertia) / (2.0 * rolling * GRAVITY), rel=0.02)
@@ -151,11 +149,9 @@ def test_a_ball_that_also_spins_about_the_upright_rolls_straight_on_and_keeps_it
 
 @pytest.mark.parametrize(("slope", "rolls"), [(0.02, False), (0.04, True)])
 def test_a_ball_on_a_slope_is_held_below_the_coefficient_alone(slope: float, rolls: bool) -> None:
-    ground, start = (
-        shaped(lambda x, y: -slope * x, material=Material(rolling=0.03)),
-        (0.0, 0.0, math.hypot(0.1, 0.1 * slope)),
-    )
-    way = end_of(ground, Sphere(0.1), BodyState(start), 480, sleep=False).position[0]
+    ground = shaped(lambda x, y: -slope * x, material=Material(rolling=0.03))
+    start = BodyState((0.0, 0.0, math.hypot(0.1, 0.1 * slope)))
+    way = end_of(ground, Sphere(0.1), start, 480, sleep=False).position[0]
     expected = 0.5 * (slope - 0.03) * GRAVITY / 1.4 * 2.0**2 if rolls else 0.0
     assert way == pytest.approx(expected, rel=0.03, abs=1e-3)
 

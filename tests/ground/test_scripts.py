@@ -101,6 +101,7 @@ def times() -> Iterator[Callable[[int], Any]]:
         (lambda c: Terrain().put("a", None), "type NoneType; pass HeightMap(heights"),
         (lambda c: Ground(level(), c), "the client is of type HeightMap; pass the module pybullet"),
         (lambda c: Ground(np.int64(1000), level()), "client 1000 is not connected; call pybullet.connect"),
+        (lambda c: [Ground(c, level()), Ground(c, level())], "has a ground already"),
         (lambda c: Ground(c, level()).attach(99), "no body 99; pass the number that loadURDF"),
         (lambda c: Ground(c, level()).attach(float(ball_in(c))), "no body 0.0"),
         (lambda c: Ground(c, level()).attach(ball_in(c), 5), "no link 5; it has -1 (the base) alone"),

@@ -39,11 +39,9 @@ ADJACENT = {
 @pytest.mark.parametrize("name", ADJACENT)
 @pytest.mark.parametrize("radius", [0.15, 0.5])
 def test_patches_that_cross_a_border_have_no_step_and_no_hole(name: str, radius: float) -> None:
-    terrain = ADJACENT[name]()
-    count = 81
-    x = np.linspace(-2.0, 2.0, count)
-    positions = np.column_stack([x, np.full(count, 0.03), surface(x, np.full(count, 0.03)) + 0.9 * radius])
-    table = balls_on(terrain, [radius] * count).at(positions)
+    x, y = np.linspace(-2.0, 2.0, 81), np.full(81, 0.03)
+    positions = np.column_stack([x, y, surface(x, y) + 0.9 * radius])
+    table = balls_on(ADJACENT[name](), [radius] * 81).at(positions)
     for index, body in enumerate(table.slots.tolist()):
         points = table.points_of(index)
         assert not np.isnan(points).any()
@@ -52,7 +50,7 @@ def test_patches_that_cross_a_border_have_no_step_and_no_hole(name: str, radius:
         for axis in (0, 1):
             assert points[:, axis].min() <= positions[body, axis] - 0.99 * radius
             assert points[:, axis].max() >= positions[body, axis] + 0.99 * radius
-    assert table.slots.tolist() == list(range(count))
+    assert table.slots.tolist() == list(range(81))
     assert set(table.tiles) == {"west", "east"}
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from smartmesh_ros import GridGeometry, HeightMap, MotionConfig, Terrain
+from smartmesh_ros import HeightMap, MotionConfig, Terrain
 from smartmesh_ros.terrain.corrections import fuse
 
 SETTLE = 0.2
@@ -89,9 +89,9 @@ def test_a_map_that_came_elsewhere_corrects_the_one_before_it(step: tuple[float,
 
     def ground(x: float, y: float) -> HeightMap:
         rows, columns = np.mgrid[:SIZE, :SIZE]
-        geometry = GridGeometry(rows=SIZE, columns=SIZE, resolution=1.0, origin=(x, y, 0.0))
         heights = 0.1 * (columns + x) + 0.2 * (rows + y)
-        return HeightMap(heights, geometry=geometry, motion=MotionConfig(changes="correction", settle=SETTLE))
+        motion = MotionConfig(changes="correction", settle=SETTLE)
+        return HeightMap(heights, resolution=1.0, origin=(x, y), motion=motion)
 
     terrain = Terrain(ground(0.0, 0.0))
     first = terrain.tiles[""]
@@ -132,10 +132,9 @@ def test_noise_is_fused_over_time_whole_and_in_regions_and_a_true_change_is_take
 
 def test_what_is_fused_scrolls_with_the_map() -> None:
     motion = MotionConfig(changes="correction", noise=0.01)
-    geometry = GridGeometry(rows=SIZE, columns=SIZE, resolution=1.0)
-    terrain = Terrain(HeightMap(np.zeros((SIZE, SIZE)), geometry=geometry, motion=motion))
-    moved = GridGeometry(rows=SIZE, columns=SIZE, resolution=1.0, origin=(2.0, -3.0, 0.0))
-    terrain.put("", HeightMap(np.full((SIZE, SIZE), 0.01), geometry=moved, time=1e-6, motion=motion))
+    terrain = Terrain(HeightMap(np.zeros((SIZE, SIZE)), resolution=1.0, motion=motion))
+    moved = np.full((SIZE, SIZE), 0.01)
+    terrain.put("", HeightMap(moved, resolution=1.0, origin=(2.0, -3.0), time=1e-6, motion=motion))
     heights = terrain.at([[10.0, 10.0], [70.9, 10.0], [10.0, -2.0]], 0.0).heights
     np.testing.assert_allclose(heights, [0.005, 0.01, 0.01], atol=1e-4)
 

@@ -232,6 +232,7 @@ WRONG: dict[str, tuple[Any, str]] = {
     "empty.npy": (lambda path: path.write_bytes(b""), "cannot be read: it is no array of numbers; write one by"),
     "archive.npy": (lambda path: np.savez(path.open("wb"), HEIGHTS), "an archive of arrays"),
     "large.npy": (array(np.zeros((200, 200))), "200 x 200"),
+    "large.tif": (tiff(heights=np.zeros((200, 200))), "200 x 200"),
     "colour.png": (Image.new("RGB", (4, 4)).save, "RGB"),
     "huge.png": (lambda path: path.write_bytes(HUGE), "30000 x 30000 samples; the maximum is"),
     "photo.png": (lambda path: Image.new("L", (4, 4)).save(path, "JPEG"), "not a PNG file"),

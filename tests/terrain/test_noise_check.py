@@ -1,7 +1,7 @@
 """Maps of sensors and mappers are told from those of ground that moves: what is seen in them, and no false alarm."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -22,7 +22,7 @@ from studies.matrix.arena import square
 from studies.matrix.moving_ground import WAVES
 from studies.matrix.real_maps import STAMPS, stamps_of
 
-Feed = Iterator[tuple[float, GridGeometry, NDArray[Any]]]
+Feed = Iterable[tuple[float, GridGeometry, NDArray[Any]]]  # time [s], geometry, heights [m]
 GRID = square(61, 0.1)
 # Hills under the maps: still ground is seldom level.
 HILLS = np.asarray(make_ground(GRID, "sinusoid", amplitude=0.2, wavelength=2.0).heights(0.0), np.float64)
@@ -32,10 +32,8 @@ SEA = make_ground(SEA_GRID, **WAVES[4])
 SOON = 5.0
 
 
-def check_of(
-    feed: Iterable[tuple[float, GridGeometry, NDArray[Any]]], motion: MotionConfig | None = None
-) -> NoiseCheck:
-    """A check that has looked at all maps of a feed: time [s], geometry, heights [m]."""
+def check_of(feed: Feed, motion: MotionConfig | None = None) -> NoiseCheck:
+    """A check that has looked at all maps of a feed."""
     check = NoiseCheck()
     for time, geometry, heights in feed:
         check.take(HeightMap(heights, geometry=geometry, time=time, motion=motion), time)

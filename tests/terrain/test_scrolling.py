@@ -55,6 +55,15 @@ def test_ground_slides_as_its_maps_tell_and_one_that_travels_or_jumps_does_not(
     assert maps[-1].track.motion == (pytest.approx((speed, 0.0, 0.0)) if speed else STILL)
 
 
+def test_a_map_whose_heights_are_replaced_has_stopped() -> None:
+    """`replace` says that the map is where it was."""
+    terrain, slides = Terrain(at(0.0, 1.0)), at(0.03, 1.1)
+    terrain.put("", slides)
+    slides.replace(slides.heights, time=1.2)
+    assert slides.track.motion == STILL
+    assert slides.placed_at(1.3) == slides.geometry
+
+
 def test_a_place_that_is_told_every_other_map_tells_the_motion_all_the_same() -> None:
     """Of 0.02 m/s: 0.67 hundredths of a cell with every second map."""
     terrain, rate = Terrain(at(0.0, 0.0)), 60.0
