@@ -157,7 +157,7 @@ def test_a_map_that_cannot_be_soil_is_taken_without() -> None:
 def test_a_rover_leaves_ruts_where_it_drove(probe: Probe) -> None:
     """The two nodes of soil.launch.py rover:=true."""
     pressed = probe.listen("pressed_ground", HeightmapUpdate, 1000)
-    soil = {"soil.type": ["hit_lss1"], "soil.slip_sinkage": False, "publish.body_states": 60.0}
+    soil = {"soil.type": ["hit_lss1"], "soil.slip_sinkage": False, "publish.patches": 5.0}
     with probe.running("terrain_collider", soil), probe.running("rover", {}):
 
         def reach() -> float:

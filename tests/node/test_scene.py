@@ -10,7 +10,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from matplotlib.tri import LinearTriInterpolator, Triangulation
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import TrackedBody
 from smartmesh_msgs.srv import RemoveBodies
@@ -19,12 +18,15 @@ from visualization_msgs.msg import Marker, MarkerArray
 from smartmesh_ros import BodyState, HeightMap, Terrain
 from smartmesh_ros.node.outputs.ground_view import CELLS, LOWER, ground_points, window_around
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-from smartmesh_ros.tools.testing import Probe, Process, points_of
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, points_of
 from tests.bodies import rotation
 from tests.ground.test_shown_patches import balls_on
 from tests.node.shared import on_level, show_map, spawn
+from tests.terrain.surfaces import highest
 from tests.urdfs import HUSKY, ROVER, link, robot
 
+# A busy machine reads so many messages of the node in time, too: answers wait behind them.
+SHARED = {"publish.patches": 10.0, "publish.body_states": 10.0}
 RESOLUTION, LOW = 0.25, -10.0
 # Level in the south, where the robots stand: their wheels are free.
 HEIGHTS = 0.3 * np.sin(np.maximum(np.arange(81.0) * RESOLUTION, 9.0))[:, None] + np.zeros(81)
@@ -62,9 +64,9 @@ class Display:
         return [marker for (own, _), marker in self.shown.items() if own.rpartition("/")[2] == what]
 
 
-def triangles(marker: Marker) -> np.ndarray:
-    """Corners (T, 3, 3) of the triangles with an area."""
-    corners = points_of(marker).reshape(-1, 3, 3)
+def triangles(points: np.ndarray) -> np.ndarray:
+    """Corners (T, 3, 3) of the triangles with an area, of the corners (n, 3) of all."""
+    corners = points.reshape(-1, 3, 3)
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     return corners[np.linalg.norm(np.cross(first, second), axis=1) > 1e-9]
 
@@ -111,7 +113,7 @@ def test_rviz_shows_the_ground_and_the_bodies_and_forgets_them(shared: Probe) ->
     for name, wanted in edges.items():
         assert outline(by_place[name]) == pytest.approx(wanted, abs=1e-3), name
     [ground] = display.of("ground")
-    corners = triangles(ground)
+    corners = triangles(points_of(ground))
     true = HeightMap(HEIGHTS, resolution=RESOLUTION, origin=(LOW, LOW)).at(corners[..., :2].reshape(-1, 2), 0.0).heights
     np.testing.assert_allclose(corners[..., 2].ravel(), true - 0.01, atol=1e-6)
     places = [(body.pose.position.x, body.pose.position.y) for body in states.values()]
@@ -190,17 +192,11 @@ def test_the_drawn_ground_hides_no_patch(side: int) -> None:
     points = bodies.at(np.column_stack([places, terrain.at(places, 0.0).heights])).points_w
     window = window_around(places, terrain)
     assert window is not None and (window.spacing > 0.15) == (side > 100)
-    drawn = [ground_points(window, terrain, 0.0, known).reshape(-1, 3, 3) for known in (NOWHERE, points)]
-    gaps = [points[:, 2] - heights_of(corners, points) for corners in drawn]
+    drawn = [triangles(ground_points(window, terrain, 0.0, known)) for known in (NOWHERE, points)]
+    high = np.column_stack([points[:, :2], np.full(len(points), np.inf)])
+    gaps = [points[:, 2] - highest(corners, high).values for corners in drawn]
     assert (gaps[0].min() < -0.1) == (side > 100)
     assert gaps[1].min() > LOWER - 1e-6
-
-
-def heights_of(corners: Any, points: Any) -> Any:
-    """Heights (n,) of triangles (t, 3, 3) over points (n, 3)."""
-    vertices, places = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
-    drawn = Triangulation(vertices[:, 0], vertices[:, 1], places.reshape(-1, 3))
-    return np.asarray(LinearTriInterpolator(drawn, vertices[:, 2])(points[:, 0], points[:, 1]))
 
 
 def test_no_ground_is_drawn_over_holes_and_without_terrain() -> None:
@@ -210,8 +206,7 @@ def test_no_ground_is_drawn_over_holes_and_without_terrain() -> None:
     terrain = Terrain(HeightMap(heights, resolution=0.25))
     window = window_around(np.array([[5.0, 5.0]]), terrain)
     assert window is not None
-    corners = ground_points(window, terrain, 0.0, NOWHERE).reshape(-1, 3, 3)
-    middles = corners.mean(axis=1)[np.ptp(corners[..., 0], axis=1) > 0.0]
+    middles = triangles(ground_points(window, terrain, 0.0, NOWHERE)).mean(axis=1)
     assert not ((middles[:, :2] > 2.5) & (middles[:, :2] < 4.75)).all(axis=1).any()
     nothing = Terrain(HeightMap(np.full((9, 9), np.nan), resolution=0.25))
     window = window_around(np.zeros((0, 2)), nothing)
@@ -249,7 +244,7 @@ def test_markers_go_with_their_node(probe: Probe) -> None:
             probe.wait_for(lambda places=places: show(*places))
             assert all(marker.frame_locked for display in displays for marker in display.shown.values())
             node.process.send_signal(ends)
-            node.process.wait(30)
+            node.process.wait(TIMEOUT)
             if ends == signal.SIGKILL:
                 assert all(display.shown for display in displays)
             else:
@@ -273,7 +268,7 @@ def test_a_display_that_is_held_up_is_emptied_too(domain: int, monkeypatch: pyte
         probe.wait_for(show)
         test, collider = os.getpid(), node.process.pid
         subprocess.Popen(f"sleep 0.2; kill -STOP {test}; kill -TERM {collider}; sleep 1; kill -CONT {test}", shell=True)
-        node.process.wait(30)
+        node.process.wait(TIMEOUT)
         probe.wait_for(lambda: not any(display.shown for display in displays))
 
 

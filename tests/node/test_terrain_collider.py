@@ -1,4 +1,4 @@
-"""The node over real DDS, in a process of its own: height maps, general meshes, tiles."""
+"""The node: over real DDS, in a process of its own; paused, in turns and at its rates; general meshes."""
 
 import math
 from typing import Any

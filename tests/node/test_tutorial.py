@@ -175,6 +175,7 @@ def test_what_the_page_on_testing_names_is_there() -> None:
     page = (ROOT / "docs" / "testing.md").read_text()
     table = page[page.index("## What there is") : page.index("The vertices of a patch")]
     methods, messages = re.findall(r"probe\.(\w+)", table), re.findall(r"`(\w+_message)`", table)
+    assert methods and messages
     assert all(hasattr(testing.Probe, method) or method == "received" for method in methods)
     assert all(hasattr(testing, name) for name in ("domain", "probe", "replay", "Process", "assert_on_map", *messages))
 
