@@ -13,7 +13,7 @@ from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate
 
 from smartmesh_ros.tools.client.patch import Patch
-from smartmesh_ros.tools.testing import floats, heightmap_message, pose_message
+from smartmesh_ros.tools.testing import floats, heightmap_message, mesh_message, pose_message
 from tests.bodies import about_z, rotation
 from tests.examples import examples
 
@@ -75,12 +75,23 @@ def test_regions_are_written_into_the_map_and_a_new_map_replaces_them() -> None:
     expected[1:3, 2:5] = 1.0
     assert np.array_equal(ground.tiles[""].heights, expected)
     ground.take("heightmap_update", serialize_message(region))
-    give(ground, heightmap_message(np.full((6, 8), 2.0)))
-    assert (ground.tiles[""].heights == 2.0).all()
-    for spoilt in (b"", b"\0\1\0\0" + bytes(40), serialize_message(region)[:-4]):
-        give(ground, spoilt, "heightmap_update")
+    impossible = serialize_message(heightmap_message(np.zeros((6, 8)), resolution=-1.0))
+    for number, spoilt in enumerate((b"", b"\0\1\0\0" + bytes(40), serialize_message(region)[:-4], impossible)):
+        ground.take("heightmap", serialize_message(heightmap_message(np.full((6, 8), number))))
         give(ground, spoilt)
-    assert (ground.tiles[""].heights == 2.0).all(), "what makes no sense changes nothing"
+        give(ground, spoilt, "heightmap_update")
+        assert (ground.tiles[""].heights == number).all(), "what makes no sense changes nothing, also of what waits"
+
+
+@pytest.mark.parametrize(("topic", "message"), [
+    ("heightmap", heightmap_message(np.zeros((3, 3)))), ("terrain_mesh", mesh_message(np.eye(3), [(0, 1, 2)])),
+])  # fmt: skip
+def test_only_the_newest_ground_of_a_tile_waits_for_a_page(topic: str, message: Any) -> None:
+    """Else memory would grow by gigabytes while none is open."""
+    ground = Ground()
+    for _ in range(10):
+        ground.take(topic, serialize_message(message))
+    assert len(ground._waiting) == 1
 
 
 def test_every_triangle_that_sank_has_the_colour_of_its_deepest_corner() -> None:
