@@ -44,6 +44,12 @@ def test_a_process_ends_with_an_exception(executables: None) -> None:
     assert process.process.poll() is not None
 
 
+@pytest.mark.parametrize("package", ["smartmesh_ros", "no_such_package"])
+def test_an_executable_that_is_not_installed_is_named(package: str) -> None:
+    with pytest.raises(FileNotFoundError, match=f"package {package} has no executable none; build and source"):
+        Process("none", package=package)
+
+
 def test_a_process_ends_with_a_test_that_was_killed() -> None:
     command = [sys.executable, "-c", STARTS_A_NODE]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as test:

@@ -15,12 +15,11 @@ from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, ContactArr
 
 from smartmesh_ros.ground.limits import require_possible
 from smartmesh_ros.ground.quaternions import rotated
-from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.ground.state import BodyState, Vector
 from smartmesh_ros.node.inputs.checked_messages import message_from
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.client.patch import Patch
 
-Vector = tuple[float, float, float]
 # Radius of bodies of unknown shape [m].
 DEFAULT_RADIUS = 0.25
 # Distance beside a body at which a click still hits it [m]. Higher values make small bodies easier to hit.
