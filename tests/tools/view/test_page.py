@@ -75,6 +75,7 @@ def browser() -> Iterator[Any]:
 def open_page(browser: Any, url: str) -> Any:
     """A page of the browser at an address."""
     opened = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+    opened.set_default_timeout(1000 * TIMEOUT)
     opened.add_init_script(FEWER_FRAMES)
     opened.goto(url)
     return opened
@@ -85,7 +86,6 @@ def page(browser: Any, url: str) -> Iterator[Any]:
     """The page, looking down on the two places from a known camera."""
     place, target = (",".join(f"{value:g}" for value in vector) for vector in CAMERA)
     opened = open_page(browser, f"{url}/?initialCameraPosition={place}&initialCameraLookAt={target}")
-    opened.set_default_timeout(1000 * TIMEOUT)
     opened.get_by_text("real-time factor", exact=False).wait_for()  # comes last, and moves what is below it
     yield opened
     opened.close()
