@@ -89,7 +89,7 @@ class Demo:
     def spawn_all(self) -> None:
         """Spawn bodies of three shapes, and a wheeled robot."""
         # Bodies spawned before the node has a map would fall, and be below the ground when the map arrives.
-        self.remote.wait_for(lambda: self.remote.tasks and self.told("tiles", "terrain"), "map in the node")
+        self.remote.wait_for(lambda: self.remote.tasks and self.count("tiles", "terrain"), "map in the node")
         for index, (x, y) in enumerate(PLACES):
             self._spawn(f"{['ball', 'box', 'can'][index % 3]}_{index}", x, y, 0.4, shape=SHAPES[index % 3])
         self._spawn(ROBOT, -4.0, 0.0, 0.02, urdf=str(robot_file()), align=True)
@@ -106,8 +106,8 @@ class Demo:
         if missing := self.remote.missing:
             raise InputError("missing", missing)
 
-    def told(self, key: str, task: str = "bodies") -> int:
-        """Return a number of a task in the node's diagnostics."""
+    def count(self, key: str, task: str = "bodies") -> int:
+        """Return a count of a task in the node's diagnostics."""
         return next(int(pair.value) for pair in self.remote.tasks[task].values if pair.key == key)
 
     def line(self) -> str:
@@ -119,7 +119,8 @@ class Demo:
             f"{bodies} bodies", f"{shown} patches", f"a step takes {1e-3 * step:.2f} ms",
             f"real-time factor {timing.real_time_factor:.2f}",
         ]  # fmt: skip
-        counts = {"deadlines missed": timing.deadline_misses, "lost": self.told(BELOW), "put back": self.told(PUT_BACK)}
+        lost, put_back = self.count(BELOW), self.count(PUT_BACK)
+        counts = {"deadlines missed": timing.deadline_misses, "lost": lost, "put back": put_back}
         return ", ".join([*words, *(f"{count} {what}" for what, count in counts.items() if count)])
 
     def _spawn(self, name: str, x: float, y: float, clearance: float, **what: Any) -> None:
@@ -160,13 +161,13 @@ def watch(demo: Demo, seconds: float) -> tuple[list[Frame], int]:
             demo.drive()
         if now >= next_line:
             next_line += 1.0
-            lost = max(lost, demo.told(BELOW))
+            lost = max(lost, demo.count(BELOW))
             print(f"{now - start:5.1f} s  {demo.line()}", flush=True)
-            if demo.told(BELOW):
+            if demo.count(BELOW):
                 print(f"         {demo.remote.tasks['bodies'].message}", flush=True)
     if not any(timing.deadline_misses for _, timing in demo.remote.timings):
-        lost += demo.told(PUT_BACK)
-    return frames, max(lost, demo.told(BELOW))
+        lost += demo.count(PUT_BACK)
+    return frames, max(lost, demo.count(BELOW))
 
 
 def main(args: list[str] | None = None) -> None:
