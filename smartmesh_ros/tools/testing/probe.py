@@ -48,8 +48,6 @@ _INPUTS = {
 _SERVICE_QOS = QoSProfile(depth=1000)
 # Number of lines of a node's log in the report of a wait that was in vain.
 LOG_LINES = 15
-# Prefix of the diagnostics' keys for the number of publishers of a topic.
-_PUBLISHERS = "publishers of "
 
 
 class Probe:
@@ -158,7 +156,7 @@ class Probe:
         best-effort messages (the bodies' poses) are lost.
         """
         counts = self.newest_diagnostics().get("connections", {})
-        return all(int(counts.get(_PUBLISHERS + publisher.topic_name, 1)) for publisher in publishers)
+        return all(int(counts.get(f"publishers of {publisher.topic_name}", 1)) for publisher in publishers)
 
     def spin(self, seconds: float = 0.02) -> None:
         """Handle one message or response, waiting up to ``seconds`` for it."""
@@ -171,8 +169,8 @@ class Probe:
         A condition that takes long, such as a picture of a page, is followed by as long a spin: with one message in
         between, messages would come faster than they are handled, and responses wait behind them.
         """
-        end = monotonic() + timeout
         asked = monotonic()
+        end = asked + timeout
         while not (value := condition()):
             if watch is not None and watch.process.poll() is not None:
                 raise AssertionError(f"the node ended with {watch.process.returncode}: {watch.output}")
