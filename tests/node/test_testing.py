@@ -18,7 +18,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.startup.dds import in_use, isolated, isolated_unless_chosen, require_domain
 from smartmesh_ros.tools.client import PatchClient
-from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, bags, heightmap_message
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, assert_on_map, bags, heightmap_message
 from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
 from smartmesh_ros.tools.testing.process import start_command
 from tests.node.shared import LATCHED, UDP_ONLY, show_map, wait_until
@@ -165,6 +165,11 @@ def test_a_node_that_is_started_in_the_place_of_a_killed_one_gets_its_first_map(
         with probe.running(environment=UDP_ONLY):
             probe.publish_map(np.zeros((3, 3)))
             probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] == "9")
+
+
+def test_no_points_are_on_no_map() -> None:
+    with pytest.raises(AssertionError, match="there are no points"):
+        assert_on_map(np.empty((0, 3)), heightmap_message(np.zeros((3, 3))))
 
 
 def test_a_topic_of_a_bag_that_nobody_subscribes_to_is_named(probe: Probe, tmp_path: Path) -> None:

@@ -249,20 +249,17 @@ class Probe:
         self.publishers["heightmap"].publish(message)
         return message
 
-    def publish_poses(self, positions: Sequence[Sequence[float]], frame_id: str = "map") -> None:
-        """Publish positions [m] of the bodies ``body_0``, ``body_1``, ..."""
-        message = PoseArray()
-        message.header.stamp, message.header.frame_id = self.now(), frame_id
-        message.poses = [pose_message(position) for position in positions]
+    def publish_poses(self, positions: Sequence[Sequence[float]]) -> None:
+        """Publish positions [m] in the terrain's frame of the bodies ``body_0``, ``body_1``, ..."""
+        message = PoseArray(poses=[pose_message(position) for position in positions])
+        message.header.stamp = self.now()
         self.publishers["body_poses"].publish(message)
 
-    def publish_bodies(self, bodies: dict[str, Sequence[float]], radius: float = 0.0, frame_id: str = "map") -> None:
-        """Publish tracked bodies by name and position [m]."""
-        message = msg.TrackedBodyArray()
-        message.header.stamp, message.header.frame_id = self.now(), frame_id
-        message.bodies = [
-            msg.TrackedBody(id=name, pose=pose_message(position), radius=radius) for name, position in bodies.items()
-        ]
+    def publish_bodies(self, bodies: dict[str, Sequence[float]], radius: float = 0.0) -> None:
+        """Publish tracked bodies by name and position [m] in the terrain's frame."""
+        tracked = [msg.TrackedBody(id=name, pose=pose_message(at), radius=radius) for name, at in bodies.items()]
+        message = msg.TrackedBodyArray(bodies=tracked)
+        message.header.stamp = self.now()
         self.publishers["tracked_bodies"].publish(message)
 
     def now(self) -> Any:
