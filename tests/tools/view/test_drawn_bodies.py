@@ -140,10 +140,12 @@ def test_a_robot_has_the_colours_of_its_description_in_daylight(server: Any, dra
 
 
 def test_each_robot_is_where_its_own_frame_is_also_when_it_comes_again(server: Any, drawn: Any) -> None:
-    """The first has short names, the other prefixed ones, and short ones when it comes again alone."""
+    """The first has short names, the other prefixed ones, and short ones when it comes again alone. The texts begin as
+    those of files may, with space before the declaration, which the node takes."""
     scene, sight = Scene(server), Sight()
     for robots in ({"one": ("b", 3.0), "two": ("two/b", -1.0)}, {"one": ("b", 2.0)}, {"two": ("b", 5.0)}):
-        known = [BodyDescription(id=name, shape=BodyDescription.ROBOT, urdf=robot(LINK)) for name in robots]
+        text = "\n<?xml version='1.0'?>" + robot(LINK)
+        known = [BodyDescription(id=name, shape=BodyDescription.ROBOT, urdf=text) for name in robots]
         tell(sight, "body_descriptions", known)
         for frame, x in robots.values():
             pose = PoseWithCovariance(pose=pose_message((x, 0.5 * x, 1.0)))
@@ -158,7 +160,7 @@ def test_each_robot_is_where_its_own_frame_is_also_when_it_comes_again(server: A
 
 @pytest.mark.parametrize(
     ("urdf", "file", "fault"),
-    [("", "/gone.urdf", "its file /gone.urdf is gone from the node"), ("<robot", "", "cannot be read (unclosed")],
+    [("", "/gone.urdf", "its file /gone.urdf is gone from the node"), ("<robot", "", "it is no XML (unclosed")],
 )
 def test_a_robot_that_cannot_be_drawn_is_the_box_around_its_links_and_the_page_says_why(
     server: Any, drawn: Any, urdf: str, file: str, fault: str
