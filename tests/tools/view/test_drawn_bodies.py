@@ -65,11 +65,11 @@ def test_malformed_messages_are_skipped() -> None:
 def test_tracked_bodies_of_another_frame_are_not_drawn_where_they_are_not() -> None:
     sight = Sight()
     for topic, frame in (("body_states", "map"), ("tracked_bodies", "odom"), ("tracked_bodies", "/map")):
-        tell(sight, topic, [TrackedBody(id=f"{topic} in {frame}")], frame)
+        tell(sight, topic, [TrackedBody(id=f"{topic} in {frame.strip('/')}")], frame)
     for frame, number in (("map", 2), ("odom", 3)):
         poses = [pose_message((1.0, 2.0, 3.0))] * number
         sight.take("body_poses", serialize_message(PoseArray(header=Header(frame_id=frame), poses=poses)))
-    assert sight.poses.keys() == {"body_states in map", "tracked_bodies in /map", "body_0", "body_1"}
+    assert sight.poses.keys() == {"body_states in map", "tracked_bodies in map", "body_0", "body_1"}
     assert sight.poses["body_1"].position == (1.0, 2.0, 3.0)
 
 
@@ -85,6 +85,16 @@ def test_poses_that_the_node_refuses_are_not_shown(topic: str, wrong: float) -> 
             sight.take(topic, serialize_message(poses if topic == "body_poses" else bodies))
         assert np.isfinite(camera_on(*sight.bodies, Lens(1.0, 1.5), Ground()).position).all()
     assert sight.poses["body_0"].position == (1.0, 2.0, 3.0)
+
+
+@pytest.mark.parametrize("spoilt", [{"id": "b/c"}, {"id": "a"}, {"id": "b", "shape": TrackedBody.SHAPE_BOX}])
+def test_a_message_that_the_node_refuses_for_one_body_moves_no_other(spoilt: dict[str, Any]) -> None:
+    """A name with a slash, one that is there twice, and a box without edges."""
+    sight = Sight()
+    tell(sight, "tracked_bodies", [TrackedBody(id="a", pose=pose_message((1.0, 2.0, 3.0)))])
+    with pytest.raises(InputError):
+        tell(sight, "tracked_bodies", [TrackedBody(id="a"), TrackedBody(**spoilt)])
+    assert sight.poses == {"a": at(1.0, 2.0, 3.0)}
 
 
 def test_a_body_that_was_removed_is_not_found_at_its_last_pose() -> None:
