@@ -115,12 +115,12 @@ class Ground:
         elif isinstance(new, cdr_reader.MeshInput) and len(new.vertices):
             self.tiles[tile] = TriangleMesh(new.vertices, new.triangles, motion=STILL)
         elif isinstance(new, cdr_reader.MapInput) and (raster := new.raster) is not None:
-            if not (isinstance(known, HeightMap) and known.geometry == raster.geometry):
-                self.first[tile] = raster.heights
             # A new map beside the old one, from which no motion is estimated.
             shown = HeightMap(raster.heights, geometry=raster.geometry, material=raster.material, motion=STILL)
             if isinstance(known, HeightMap):
                 carry_material(known, shown)
+            if not (isinstance(known, HeightMap) and known.geometry == raster.geometry):
+                self.first[tile] = raster.heights
             self.tiles[tile] = shown
         else:  # an empty message removes its tile
             self.tiles.pop(tile, None)

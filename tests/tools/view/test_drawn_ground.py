@@ -66,6 +66,13 @@ def test_regions_are_written_into_the_map_and_a_new_map_replaces_them() -> None:
         assert (ground.tiles[""].heights == number).all(), "what makes no sense changes nothing, also of what waits"
 
 
+def test_of_a_map_that_cannot_be_shown_nothing_is_taken() -> None:
+    """What is below the first map of a tile would be looked up in one of another size, which ended the view."""
+    ground = ground_of(np.zeros((6, 8)))
+    give(ground, heightmap_message(np.zeros((4, 4)), friction=-1.0))
+    assert ground.first[""].shape == ground.tiles[""].heights.shape == (6, 8)
+
+
 @pytest.mark.parametrize(("topic", "message"), [
     ("heightmap", heightmap_message(np.zeros((3, 3)))), ("terrain_mesh", mesh_message(np.eye(3), [(0, 1, 2)])),
 ])  # fmt: skip
