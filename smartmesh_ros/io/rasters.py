@@ -13,7 +13,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, require
 from smartmesh_ros.terrain.checked_heights import unmasked
 from smartmesh_ros.terrain.grid import GridGeometry, geometry_of
 from smartmesh_ros.terrain.material import MOST_SOILS, Material, require_layer
@@ -63,10 +63,9 @@ class RasterConfig:
 
     def __post_init__(self) -> None:
         for name in ("scale", "offset"):
-            if not math.isfinite(getattr(self, name)):
-                raise InputError("parameter", f"{name} is {getattr(self, name)}; it must be a finite number")
-        if len(self.origin) != 3 or not all(math.isfinite(value) for value in self.origin):
-            raise InputError("parameter", f"the origin is {self.origin}; it must be three finite numbers [m]")
+            require(math.isfinite(getattr(self, name)), "parameter", name, getattr(self, name), "a finite number")
+        good = len(self.origin) == 3 and all(map(math.isfinite, self.origin))
+        require(good, "parameter", "the origin", self.origin, "three finite numbers [m]")
         for entry in self.material_layers:
             require_layer(entry.split("=")[0])
         if len(self.layers) < len(self.material_layers):

@@ -136,8 +136,10 @@ class Rut(Scene):
         if time < self._time:
             self._ground[:] = 0.0
             self._time = 0.0
-        steps = max(1, math.ceil((time - self._time) * self.speed / (0.25 * self.width)))
-        for moment in np.linspace(self._time, time, steps + 1)[1:]:
+        lap = math.tau * self.radius / max(self.speed, 1e-9)  # more of them press nothing new
+        begin = max(self._time, time - lap)
+        steps = max(1, math.ceil((time - begin) * self.speed / (0.25 * self.width)))
+        for moment in np.linspace(begin, time, steps + 1)[1:]:
             x, y = self.wheel(float(moment))
             rows, columns = self._window(x, y, 1.5 * self.width)
             distance = np.hypot(self.x[columns] - np.float32(x), self.y[rows] - np.float32(y)) / self.width

@@ -105,6 +105,7 @@ def points_of(marker: Marker) -> NDArray[np.float64]:
 def assert_on_map(points: NDArray[np.float64], message: Heightmap, tolerance: float = 1e-6) -> None:
     """Assert that every point (n, 3) [m] has the place and height of a sample of the map, NaN in holes, within
     ``tolerance`` [m]."""
+    assert len(points), "there are no points"
     raster = map_from(serialize_message(message)).raster
     assert raster is not None, "the map is empty"
     grid = raster.geometry

@@ -1,4 +1,5 @@
-"""The demo's pictures show all of the ground that they begin to show, and every body that their legend names."""
+"""The demo's pictures show all of the ground that they begin to show, and every body that their legend names. What ends
+the demo, and the rover's search for its robot."""
 
 import subprocess
 import sys
@@ -11,10 +12,13 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.image import imread
+from smartmesh_msgs.msg import TrackedBody, TrackedBodyArray
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.demo import demo, demo_pictures
 from smartmesh_ros.tools.demo.demo_pictures import BODY_COLOURS, Frame
+from smartmesh_ros.tools.demo.rover import Rover
+from tests.node.shared import made_with
 
 # Balls and boxes in the middle, and a robot that has driven far away.
 PLACES = {"ball_0": (0.0, 0.0), "ball_1": (3.0, 1.0), "box_2": (-2.0, -3.0), "husky": (19.0, 8.0)}
@@ -65,3 +69,12 @@ def test_the_demo_fails_when_one_of_its_nodes_ends(monkeypatch: pytest.MonkeyPat
     remote: Any = SimpleNamespace(name="/n", node=SimpleNamespace(create_publisher=lambda *_: None))
     with demo.demo_running(remote) as made, pytest.raises(InputError, match="terrain_source has ended, with 1"):
         made.require_nodes()
+
+
+def test_a_rover_that_is_there_is_not_spawned_again(domain: int) -> None:
+    """Also one of a run of the node that has ended; else the call is refused five times a second, for ever."""
+    with made_with(Rover, {}) as node:
+        node._steer(TrackedBodyArray(bodies=[TrackedBody(id="other")]))
+        assert not node._starting.is_canceled()
+        node._steer(TrackedBodyArray(bodies=[TrackedBody(id="rover")]))
+        assert node._starting.is_canceled()

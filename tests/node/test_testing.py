@@ -18,7 +18,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from smartmesh_ros.startup.dds import in_use, isolated, isolated_unless_chosen, require_domain
 from smartmesh_ros.tools.client import PatchClient
-from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, bags, heightmap_message
+from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, assert_on_map, bags, heightmap_message
 from smartmesh_ros.tools.testing.probe import DIAGNOSTICS
 from smartmesh_ros.tools.testing.process import start_command
 from tests.node.shared import LATCHED, UDP_ONLY, show_map, wait_until
@@ -42,6 +42,12 @@ def test_a_process_ends_with_an_exception(executables: None) -> None:
     with pytest.raises(ValueError, match="of the test"), Process("terrain_source") as process:
         raise ValueError("of the test")
     assert process.process.poll() is not None
+
+
+@pytest.mark.parametrize("package", ["smartmesh_ros", "no_such_package"])
+def test_an_executable_that_is_not_installed_is_named(package: str) -> None:
+    with pytest.raises(FileNotFoundError, match=f"package {package} has no executable none; build and source"):
+        Process("none", package=package)
 
 
 def test_a_process_ends_with_a_test_that_was_killed() -> None:
@@ -159,6 +165,11 @@ def test_a_node_that_is_started_in_the_place_of_a_killed_one_gets_its_first_map(
         with probe.running(environment=UDP_ONLY):
             probe.publish_map(np.zeros((3, 3)))
             probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] == "9")
+
+
+def test_no_points_are_on_no_map() -> None:
+    with pytest.raises(AssertionError, match="there are no points"):
+        assert_on_map(np.empty((0, 3)), heightmap_message(np.zeros((3, 3))))
 
 
 def test_a_topic_of_a_bag_that_nobody_subscribes_to_is_named(probe: Probe, tmp_path: Path) -> None:

@@ -25,6 +25,13 @@ def test_regions_build_the_whole_map_which_is_finite(kind: str) -> None:
     np.testing.assert_allclose(built, scene.heights(5.0), atol=1e-6)
 
 
+def test_after_a_jump_of_its_clock_a_rut_is_a_whole_circle() -> None:
+    """Without the memory and the time that all laps would take."""
+    jumped, driven = make_ground(GRID, "rut"), make_ground(GRID, "rut")
+    found, expected = jumped.heights(1.7e9), [driven.heights(time) for time in np.arange(0.0, 60.0, 0.1)][-1]
+    np.testing.assert_allclose(found, expected, atol=0.01)
+
+
 def test_waves_run_inwards_at_their_speed() -> None:
     wave = Wave(amplitude=0.3, number=1.0, frequency=2.0)
     scene = InwardWaves(GRID, wave)

@@ -39,14 +39,14 @@ MAX_WAITING = 2000
 class Ground:
     """All ``tiles`` by name, and the heights of the ``first`` map of each (rows, columns) [m]. Tiles of the decks among
     ``frames`` lie in these. ``shown``: the tiles, or while there are none the ground that the node draws. Messages wait
-    as bytes until `apply_waiting`, because a newer map often replaces them first."""
+    until `apply_waiting`, because a newer map often replaces them first."""
 
     def __init__(self) -> None:
         self.tiles: dict[str, MainMesh] = {}
         self.frames: Mapping[str, Pose] = {}
         self.first: dict[str, NDArray[np.float32]] = {}
         self._drawn: dict[str, MainMesh] = {}
-        self._waiting: list[tuple[str, str, bytes]] = []
+        self._waiting: list[Any] = []  # what the readers of `MAPS` return
 
     @property
     def shown(self) -> Mapping[str, MainMesh]:
@@ -59,23 +59,22 @@ class Ground:
             self._drawn = {"": TriangleMesh(corners, triangles, motion=STILL)} if len(triangles) else {}
 
     def take(self, topic: str, data: bytes) -> None:
-        """Queue a message of a topic of `MAPS`. A height map replaces what waits for its tile."""
-        try:
-            tile = cdr_reader.CdrReader(data).stamped().name
-        except InputError:
-            return
-        if topic == "heightmap":
-            self._waiting = [entry for entry in self._waiting if entry[1] != tile]
-        self._waiting.append((topic, tile, data))
+        """Queue a message of a topic of `MAPS`. A whole map or mesh replaces what waits for its tile.
+        Malformed ones are skipped, because the node reports them."""
+        with suppress(InputError):
+            new = MAPS[topic][1](data)
+            if isinstance(new, cdr_reader.MapInput | cdr_reader.MeshInput):
+                self._waiting = [other for other in self._waiting if other.start.name != new.start.name]
+            self._waiting.append(new)
         if len(self._waiting) > MAX_WAITING:
             self.apply_waiting()
 
     def apply_waiting(self) -> None:
-        """Apply all waiting messages. Malformed ones are skipped, because the node reports them."""
+        """Apply all waiting messages, but those that fit no tile."""
         waiting, self._waiting = self._waiting, []
-        for topic, tile, data in waiting:
+        for new in waiting:
             with suppress(InputError):
-                self._apply(topic, tile, data)
+                self._apply(new)
 
     def deck_of(self, tile: str) -> str | None:
         """Return the deck that a tile's name begins with, alone or before a slash; None = it is on none."""
@@ -104,8 +103,9 @@ class Ground:
         not within ``reach`` [m]."""
         return RayCaster(self.terrain()).cast(checked_rays(origins, directions, reach), 0.0).distances
 
-    def _apply(self, topic: str, tile: str, data: bytes) -> None:
-        known, new = self.tiles.get(tile), MAPS[topic][1](data)
+    def _apply(self, new: Any) -> None:
+        tile = new.start.name
+        known = self.tiles.get(tile)
         if isinstance(new, cdr_reader.RegionInput):
             if isinstance(known, HeightMap):
                 known.update_region(new.row, new.column, new.heights, time=0.0, material=new.material)
@@ -115,12 +115,12 @@ class Ground:
         elif isinstance(new, cdr_reader.MeshInput) and len(new.vertices):
             self.tiles[tile] = TriangleMesh(new.vertices, new.triangles, motion=STILL)
         elif isinstance(new, cdr_reader.MapInput) and (raster := new.raster) is not None:
-            if not (isinstance(known, HeightMap) and known.geometry == raster.geometry):
-                self.first[tile] = raster.heights
             # A new map beside the old one, from which no motion is estimated.
             shown = HeightMap(raster.heights, geometry=raster.geometry, material=raster.material, motion=STILL)
             if isinstance(known, HeightMap):
                 carry_material(known, shown)
+            if not (isinstance(known, HeightMap) and known.geometry == raster.geometry):
+                self.first[tile] = raster.heights
             self.tiles[tile] = shown
         else:  # an empty message removes its tile
             self.tiles.pop(tile, None)

@@ -19,7 +19,7 @@ from rclpy.time import Time
 from rclpy.utilities import try_shutdown
 from smartmesh_msgs.msg import ColliderPatchArray, TrackedBody, TrackedBodyArray
 
-from smartmesh_ros.errors import InputError, require_body_name
+from smartmesh_ros.errors import InputError, require, require_body_name
 from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.tools.client.patch import Patch, read_patches
 from smartmesh_ros.tools.messages import DEPTH
@@ -53,8 +53,7 @@ class PatchClient:
     """
 
     def __init__(self, collider: str = "/terrain_collider", *, node: Node | None = None, ahead: float = 0.25) -> None:
-        if not (math.isfinite(ahead) and ahead >= 0.0):
-            raise InputError("parameter", f"ahead is {ahead} s; it must be zero or more")
+        require(0.0 <= ahead < math.inf, "parameter", "ahead", ahead, "a number of seconds from zero on")
         self.ahead = ahead
         self.received = 0  # number of messages accepted
         self.refused = 0  # number of malformed messages

@@ -110,6 +110,7 @@ class Remote:
         self._watched: set[str] | None = None
         self._subscriptions: dict[str, tuple[Any, int]] = {}  # with the numbers of publishers
         self._no_maps_until = 0.0  # end of the pause in receiving whole maps [s]
+        self._large_stamp = b""  # of the last map that began one
         self.runs: frozenset[bytes] = frozenset()
         self._forget()
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
@@ -234,7 +235,10 @@ class Remote:
             return
         self.ground.take(topic, data)
         if topic == "heightmap" and len(data) > LARGE_MAP:
-            self._no_maps_until, self._check_due = monotonic() + LARGE_MAP_PERIOD, 0.0
+            stamp, before = data[4:12], self._large_stamp
+            if stamp != before or not any(stamp):  # else a latched map, which comes with each subscription
+                self._no_maps_until, self._check_due = monotonic() + LARGE_MAP_PERIOD, 0.0
+            self._large_stamp = stamp
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         own = f"{self.name.strip('/')}: "

@@ -15,12 +15,11 @@ from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, ContactArr
 
 from smartmesh_ros.ground.limits import require_possible
 from smartmesh_ros.ground.quaternions import rotated
-from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.node.inputs.checked_messages import message_from
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.client.patch import Patch
 
-Vector = tuple[float, float, float]
 # Radius of bodies of unknown shape [m].
 DEFAULT_RADIUS = 0.25
 # Distance beside a body at which a click still hits it [m]. Higher values make small bodies easier to hit.
@@ -116,7 +115,7 @@ class Sight:
 
     def take(self, topic: str, data: bytes) -> None:
         """Update with a message of a topic of `KINDS`. Raises `InputError` if it is malformed, or the node refuses its
-        poses."""
+        bodies."""
         message = message_from(data, KINDS[topic])
         if topic == "body_descriptions":
             gone = self.appearances.keys() - {body.id for body in message.bodies}
@@ -142,10 +141,11 @@ class Sight:
             moving = (body.id for body in message.bodies if any(_xyz(body.twist.linear) + _xyz(body.twist.angular)))
             self.asleep = frozenset(body.id for body in message.bodies) - frozenset(moving)
         elif message.header.frame_id.strip("/") in ("", self.frame):
+            from smartmesh_ros.node.inputs.conversions import bodies_from, poses_from  # imports PyBullet
+
+            for given in poses_from(message) if topic == "body_poses" else bodies_from(message):
+                require_possible(given.name, given.state)
             bodies = _bodies_of(message)
-            for body in bodies:
-                place, turn = body.pose.position, body.pose.orientation
-                require_possible(body.id, BodyState(_xyz(place), (turn.x, turn.y, turn.z, turn.w)))
             self._place(bodies)
             self.heard |= {body.id for body in bodies}
 

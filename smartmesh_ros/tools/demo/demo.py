@@ -18,7 +18,6 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from ament_index_python.packages import get_package_prefix
 from sensor_msgs.msg import JointState
 from shape_msgs.msg import SolidPrimitive
 
@@ -30,6 +29,7 @@ from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.client.remote import OUTPUTS, Remote, following
 from smartmesh_ros.tools.fleet import processes
 from smartmesh_ros.tools.messages import pose_message
+from smartmesh_ros.tools.testing.process import executable
 
 if TYPE_CHECKING:
     from smartmesh_ros.tools.demo.demo_pictures import Frame
@@ -41,6 +41,8 @@ SOURCE = {
 # Rates are lowered to 10 Hz, so that two cores suffice for three processes.
 COLLIDER = {"publish.patches": 10.0, "publish.body_states": 10.0}
 ROBOT = "husky"
+# Numbers of bodies and links below the ground, and of bodies put back onto it so far, in the node's diagnostics.
+BELOW, PUT_BACK = "below ground", "put back onto the ground"
 WHEELS = [f"{ROBOT}/{place}_wheel" for place in ("front_left", "front_right", "rear_left", "rear_right")]
 DRIVE = JointState(name=WHEELS, velocity=[6.0] * len(WHEELS))  # [rad/s]
 SHAPES = (
@@ -87,7 +89,7 @@ class Demo:
     def spawn_all(self) -> None:
         """Spawn bodies of three shapes, and a wheeled robot."""
         # Bodies spawned before the node has a map would fall, and be below the ground when the map arrives.
-        self.remote.wait_for(lambda: self.remote.tasks and int(self._value("terrain", "tiles")), "map in the node")
+        self.remote.wait_for(lambda: self.remote.tasks and self.count("tiles", "terrain"), "map in the node")
         for index, (x, y) in enumerate(PLACES):
             self._spawn(f"{['ball', 'box', 'can'][index % 3]}_{index}", x, y, 0.4, shape=SHAPES[index % 3])
         self._spawn(ROBOT, -4.0, 0.0, 0.02, urdf=str(robot_file()), align=True)
@@ -104,16 +106,9 @@ class Demo:
         if missing := self.remote.missing:
             raise InputError("missing", missing)
 
-    def lost(self) -> int:
-        """Return the number of bodies and links below the ground, from the node's diagnostics."""
-        return int(self._value("bodies", "below ground"))
-
-    def put_back(self) -> int:
-        """Return the number of bodies put back onto the ground so far, from the node's diagnostics."""
-        return int(self._value("bodies", "put back onto the ground"))
-
-    def _value(self, task: str, key: str) -> str:
-        return next(str(pair.value) for pair in self.remote.tasks[task].values if pair.key == key)
+    def count(self, key: str, task: str = "bodies") -> int:
+        """Return a count of a task in the node's diagnostics."""
+        return next(int(pair.value) for pair in self.remote.tasks[task].values if pair.key == key)
 
     def line(self) -> str:
         """Return numbers of bodies and patches, the time of a step and the real-time factor in one line."""
@@ -124,7 +119,8 @@ class Demo:
             f"{bodies} bodies", f"{shown} patches", f"a step takes {1e-3 * step:.2f} ms",
             f"real-time factor {timing.real_time_factor:.2f}",
         ]  # fmt: skip
-        counts = {"deadlines missed": timing.deadline_misses, "lost": self.lost(), "put back": self.put_back()}
+        lost, put_back = self.count(BELOW), self.count(PUT_BACK)
+        counts = {"deadlines missed": timing.deadline_misses, "lost": lost, "put back": put_back}
         return ", ".join([*words, *(f"{count} {what}" for what, count in counts.items() if count)])
 
     def _spawn(self, name: str, x: float, y: float, clearance: float, **what: Any) -> None:
@@ -138,8 +134,7 @@ def demo_running(remote: Remote) -> Iterator[Demo]:
     commands: dict[str, list[str]] = {}
     for name, parameters in (("terrain_source", SOURCE), ("terrain_collider", COLLIDER)):
         given = [word for key, value in parameters.items() for word in ("-p", f"{key}:={value}")]
-        path = Path(get_package_prefix("smartmesh_ros")) / "lib" / "smartmesh_ros" / name
-        commands[name] = [str(path), "--ros-args", *given]
+        commands[name] = [str(executable(name)), "--ros-args", *given]
     with processes(commands) as nodes:
         print("starting terrain_source and terrain_collider ...", flush=True)
         demo = Demo(remote, nodes)
@@ -166,13 +161,13 @@ def watch(demo: Demo, seconds: float) -> tuple[list[Frame], int]:
             demo.drive()
         if now >= next_line:
             next_line += 1.0
-            lost = max(lost, demo.lost())
+            lost = max(lost, demo.count(BELOW))
             print(f"{now - start:5.1f} s  {demo.line()}", flush=True)
-            if demo.lost():
+            if demo.count(BELOW):
                 print(f"         {demo.remote.tasks['bodies'].message}", flush=True)
     if not any(timing.deadline_misses for _, timing in demo.remote.timings):
-        lost += demo.put_back()
-    return frames, max(lost, demo.lost())
+        lost += demo.count(PUT_BACK)
+    return frames, max(lost, demo.count(BELOW))
 
 
 def main(args: list[str] | None = None) -> None:

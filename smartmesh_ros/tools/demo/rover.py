@@ -55,16 +55,15 @@ class Rover(ParameterNode):
             self._spawner.call_async(request).add_done_callback(self._spawned)
 
     def _spawned(self, future: Any) -> None:
-        """Stop waiting if the robot was spawned; else, such as before the collider has its map, try again."""
-        self._call_at = 0.0
-        if future.result().success:
-            self._starting.cancel()
-        else:
+        """Try again at once if the robot was refused, such as before the collider has its map."""
+        if not future.result().success:
+            self._call_at = 0.0
             self.get_logger().info(f"waits to spawn {ROBOT}: {future.result().message}", throttle_duration_sec=2.0)
 
     def _steer(self, message: TrackedBodyArray) -> None:
         for body in message.bodies:
             if body.id == ROBOT:
+                self._starting.cancel()  # also if another run of this node has spawned it
                 place, turn = body.pose.position, body.pose.orientation
                 self._way, speeds = eight.steered((place.x, place.y), (turn.x, turn.y, turn.z, turn.w), self._way)
                 names = [f"{ROBOT}/{joint}" for joint in speeds]

@@ -13,6 +13,7 @@ from typing import Any, Literal
 from rclpy.node import Node
 from rosbags.rosbag2 import StoragePlugin, Writer
 
+from smartmesh_ros.errors import InputError, require
 from smartmesh_ros.node.inputs.optional_messages import class_of
 from smartmesh_ros.tools.replay.bag import Bag, Record, recorded
 from smartmesh_ros.tools.replay.mcap_file import VERSION, add_topic
@@ -23,7 +24,9 @@ Storage = Literal["sqlite3", "mcap"]
 
 def write(path: str | Path, messages: Iterable[tuple[str, float, Any]], storage: Storage = "mcap") -> None:
     """Write (topic, time [s], message) to a new bag, the folder ``path``; for (service, time [s], request) the event of
-    the call."""
+    the call. Raises `InputError` if there is a file or folder ``path``."""
+    if Path(path).exists():
+        raise InputError("file", f"{path} is there, and a bag is a new folder; name another one, or remove it")
     connections: dict[tuple[str, str], Any] = {}
     with Writer(path, version=VERSION, storage_plugin=StoragePlugin[storage.upper()]) as writer:
         for record in (recorded(*message) for message in messages):
@@ -52,8 +55,10 @@ def play(
     """Publish a bag from ``node`` at ``rate`` times the recorded speed; return the number of messages.
 
     ``spin`` is called with the time to wait [s], like `Probe.spin`. ``remap``: new names by recorded topic. Publishing
-    starts when every topic has a subscriber. Raises `AssertionError` if one has none after ``timeout`` [s].
+    starts when every topic has a subscriber. Raises `AssertionError` if one has none after ``timeout`` [s], and
+    `InputError` for a ``rate`` that is not above zero.
     """
+    require(rate > 0.0, "parameter", "the rate", rate, "a number above zero")
     records = list(read(path))
     names = {**{record.topic: record.topic for record in records}, **(remap or {})}
     publishers = {

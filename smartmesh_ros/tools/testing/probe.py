@@ -48,8 +48,6 @@ _INPUTS = {
 _SERVICE_QOS = QoSProfile(depth=1000)
 # Number of lines of a node's log in the report of a wait that was in vain.
 LOG_LINES = 15
-# Prefix of the diagnostics' keys for the number of publishers of a topic.
-_PUBLISHERS = "publishers of "
 
 
 class Probe:
@@ -158,7 +156,7 @@ class Probe:
         best-effort messages (the bodies' poses) are lost.
         """
         counts = self.newest_diagnostics().get("connections", {})
-        return all(int(counts.get(_PUBLISHERS + publisher.topic_name, 1)) for publisher in publishers)
+        return all(int(counts.get(f"publishers of {publisher.topic_name}", 1)) for publisher in publishers)
 
     def spin(self, seconds: float = 0.02) -> None:
         """Handle one message or response, waiting up to ``seconds`` for it."""
@@ -171,8 +169,8 @@ class Probe:
         A condition that takes long, such as a picture of a page, is followed by as long a spin: with one message in
         between, messages would come faster than they are handled, and responses wait behind them.
         """
-        end = monotonic() + timeout
         asked = monotonic()
+        end = asked + timeout
         while not (value := condition()):
             if watch is not None and watch.process.poll() is not None:
                 raise AssertionError(f"the node ended with {watch.process.returncode}: {watch.output}")
@@ -251,20 +249,17 @@ class Probe:
         self.publishers["heightmap"].publish(message)
         return message
 
-    def publish_poses(self, positions: Sequence[Sequence[float]], frame_id: str = "map") -> None:
-        """Publish positions [m] of the bodies ``body_0``, ``body_1``, ..."""
-        message = PoseArray()
-        message.header.stamp, message.header.frame_id = self.now(), frame_id
-        message.poses = [pose_message(position) for position in positions]
+    def publish_poses(self, positions: Sequence[Sequence[float]]) -> None:
+        """Publish positions [m] in the terrain's frame of the bodies ``body_0``, ``body_1``, ..."""
+        message = PoseArray(poses=[pose_message(position) for position in positions])
+        message.header.stamp = self.now()
         self.publishers["body_poses"].publish(message)
 
-    def publish_bodies(self, bodies: dict[str, Sequence[float]], radius: float = 0.0, frame_id: str = "map") -> None:
-        """Publish tracked bodies by name and position [m]."""
-        message = msg.TrackedBodyArray()
-        message.header.stamp, message.header.frame_id = self.now(), frame_id
-        message.bodies = [
-            msg.TrackedBody(id=name, pose=pose_message(position), radius=radius) for name, position in bodies.items()
-        ]
+    def publish_bodies(self, bodies: dict[str, Sequence[float]], radius: float = 0.0) -> None:
+        """Publish tracked bodies by name and position [m] in the terrain's frame."""
+        tracked = [msg.TrackedBody(id=name, pose=pose_message(at), radius=radius) for name, at in bodies.items()]
+        message = msg.TrackedBodyArray(bodies=tracked)
+        message.header.stamp = self.now()
         self.publishers["tracked_bodies"].publish(message)
 
     def now(self) -> Any:

@@ -18,7 +18,7 @@ from viser.extras import ViserUrdf
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.client.sight import Sight
-from smartmesh_ros.world.robots.description import named_file
+from smartmesh_ros.world.robots.description import named_file, xml_of
 
 # yourdfpy warns of every missing mesh, which is normal for a robot of another machine.
 logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)
@@ -88,7 +88,7 @@ def _drawable(appearance: BodyDescription) -> bytes:
     """Return a description that this machine can draw: non-numeric origins become zeros, as in PyBullet, meshes have
     the paths of their files, and links whose meshes are missing are drawn by their collision shapes."""
     folder = Path(appearance.urdf_file).parent if appearance.urdf_file else None
-    root = ElementTree.fromstring(appearance.urdf)
+    root = xml_of(appearance.urdf)
     root[:0] = root.findall("link/visual/material[color]")  # other links may name them
     for capsule in root.iter("capsule"):  # which PyBullet reads, but yourdfpy does not
         capsule.tag = "cylinder"

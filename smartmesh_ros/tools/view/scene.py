@@ -15,7 +15,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.client.ground import Ground
 from smartmesh_ros.tools.client.patch import Patch
-from smartmesh_ros.tools.client.sight import DEFAULT_RADIUS, Sight, Vector
+from smartmesh_ros.tools.client.sight import DEFAULT_RADIUS, Sight
 from smartmesh_ros.tools.view import looks
 from smartmesh_ros.tools.view.looks import PatchLook
 from smartmesh_ros.tools.view.robots import Robot
@@ -64,7 +64,7 @@ class Scene:
         """Why robots are drawn as boxes."""
         return [f"{name} is drawn as a box: {robot.fault}" for name, robot in self._robots.items() if robot.fault]
 
-    def mark(self, position: Vector | None, radius: float = DEFAULT_RADIUS) -> None:
+    def mark(self, position: tuple[float, float, float] | None, radius: float = DEFAULT_RADIUS) -> None:
         """Mark a position by a wire ball; None removes it."""
         ball = self._selected
         ball.visible, ball.position, ball.scale = position is not None, position or (0.0, 0.0, 0.0), 1.2 * radius

@@ -20,6 +20,7 @@ from rosgraph_msgs.msg import Clock
 from smartmesh_msgs.msg import Heightmap, TrackedBodyArray
 from smartmesh_msgs.srv import SpawnBody
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.optional_messages import class_of
 from smartmesh_ros.tools.replay import cli
 from smartmesh_ros.tools.replay.cli import main
@@ -176,6 +177,14 @@ def test_no_bag_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
         assert "is the bag itself, or one of its files" in words_of(capsys, bag, "-o", single)
     assert "is a folder; name a file" in words_of(capsys, single, "-o", tmp_path)
     assert main([str(single), "-o", str(tmp_path / "out.mcap")]) == 0
+
+
+def test_a_bag_is_written_into_a_new_folder_and_played_at_a_rate_above_zero(bag: str) -> None:
+    with pytest.raises(InputError, match=f"{bag} is there, and a bag is a new folder; name another one"):
+        written(Path(bag))
+    for rate in (0.0, -1.0, float("nan")):
+        with pytest.raises(InputError, match=f"the rate is {rate}; it must be a number above zero"):
+            bags.play(bag, None, lambda _: None, rate=rate)  # type: ignore[arg-type]
 
 
 def test_a_package_that_is_missing_is_named(bag: str, capsys: Any, monkeypatch: pytest.MonkeyPatch) -> None:

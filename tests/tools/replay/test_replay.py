@@ -259,13 +259,9 @@ def test_a_message_of_a_list_that_nothing_takes_is_refused(replay: Make, message
         replay([level(), message])
 
 
-def test_parameters_may_be_in_groups_as_in_a_file(replay: Make) -> None:
-    run = replay([level()], {"physics": {"rate": 480.0, "gravity": [0.0, 0.0, -1.6]}, "terrain.settle": 0.1})
-    assert run.world.dt == pytest.approx(1.0 / 480.0) and run.world.config.physics.gravity == (0.0, 0.0, -1.6)
-
-
 def test_what_a_run_has_not_is_named_with_what_would_be_right(replay: Make) -> None:
-    run = replay([level()], {"publish.tf": 50.0, "use_sim_time": False}, keep=["contacts", "/tf", "/clock"])
+    parameters = {"publish": {"tf": 50.0}, "physics": {"rate": 480.0}, "use_sim_time": False}  # in groups as in a file
+    run = replay([level()], parameters, keep=["contacts", "/tf", "/clock"])
 
     def refuses(words: str, action: Callable[[], Any]) -> None:
         with pytest.raises(InputError, match=re.escape(words)):
@@ -284,7 +280,7 @@ def test_what_a_run_has_not_is_named_with_what_would_be_right(replay: Make) -> N
     refuses("joint_states is not kept; name it in keep=['joint_states']", lambda: run.received("joint_states"))
     refuses("until is nan; it must be a number of seconds", lambda: run.run(float("nan")))
     run.run(0.1)
-    assert not run.refused and run.world.dt == pytest.approx(1.0 / 240.0)
+    assert not run.refused and run.world.dt == pytest.approx(1.0 / 480.0)
 
 
 def test_bytes_without_chance_are_those_of_the_message(replay: Make) -> None:

@@ -65,11 +65,11 @@ def test_malformed_messages_are_skipped() -> None:
 def test_tracked_bodies_of_another_frame_are_not_drawn_where_they_are_not() -> None:
     sight = Sight()
     for topic, frame in (("body_states", "map"), ("tracked_bodies", "odom"), ("tracked_bodies", "/map")):
-        tell(sight, topic, [TrackedBody(id=f"{topic} in {frame}")], frame)
+        tell(sight, topic, [TrackedBody(id=f"{topic} in {frame.strip('/')}")], frame)
     for frame, number in (("map", 2), ("odom", 3)):
         poses = [pose_message((1.0, 2.0, 3.0))] * number
         sight.take("body_poses", serialize_message(PoseArray(header=Header(frame_id=frame), poses=poses)))
-    assert sight.poses.keys() == {"body_states in map", "tracked_bodies in /map", "body_0", "body_1"}
+    assert sight.poses.keys() == {"body_states in map", "tracked_bodies in map", "body_0", "body_1"}
     assert sight.poses["body_1"].position == (1.0, 2.0, 3.0)
 
 
@@ -85,6 +85,16 @@ def test_poses_that_the_node_refuses_are_not_shown(topic: str, wrong: float) -> 
             sight.take(topic, serialize_message(poses if topic == "body_poses" else bodies))
         assert np.isfinite(camera_on(*sight.bodies, Lens(1.0, 1.5), Ground()).position).all()
     assert sight.poses["body_0"].position == (1.0, 2.0, 3.0)
+
+
+@pytest.mark.parametrize("spoilt", [{"id": "b/c"}, {"id": "a"}, {"id": "b", "shape": TrackedBody.SHAPE_BOX}])
+def test_a_message_that_the_node_refuses_for_one_body_moves_no_other(spoilt: dict[str, Any]) -> None:
+    """A name with a slash, one that is there twice, and a box without edges."""
+    sight = Sight()
+    tell(sight, "tracked_bodies", [TrackedBody(id="a", pose=pose_message((1.0, 2.0, 3.0)))])
+    with pytest.raises(InputError):
+        tell(sight, "tracked_bodies", [TrackedBody(id="a"), TrackedBody(**spoilt)])
+    assert sight.poses == {"a": at(1.0, 2.0, 3.0)}
 
 
 def test_a_body_that_was_removed_is_not_found_at_its_last_pose() -> None:
@@ -148,10 +158,12 @@ def test_a_robot_has_the_colours_of_its_description_in_daylight(server: Any, dra
 
 
 def test_each_robot_is_where_its_own_frame_is_also_when_it_comes_again(server: Any, drawn: Any) -> None:
-    """The first has short names, the other prefixed ones, and short ones when it comes again alone."""
+    """The first has short names, the other prefixed ones, and short ones when it comes again alone. The texts begin as
+    those of files may, with space before the declaration, which the node takes."""
     scene, sight = Scene(server), Sight()
     for robots in ({"one": ("b", 3.0), "two": ("two/b", -1.0)}, {"one": ("b", 2.0)}, {"two": ("b", 5.0)}):
-        known = [BodyDescription(id=name, shape=BodyDescription.ROBOT, urdf=robot(LINK)) for name in robots]
+        text = "\n<?xml version='1.0'?>" + robot(LINK)
+        known = [BodyDescription(id=name, shape=BodyDescription.ROBOT, urdf=text) for name in robots]
         tell(sight, "body_descriptions", known)
         for frame, x in robots.values():
             pose = PoseWithCovariance(pose=pose_message((x, 0.5 * x, 1.0)))
@@ -166,7 +178,7 @@ def test_each_robot_is_where_its_own_frame_is_also_when_it_comes_again(server: A
 
 @pytest.mark.parametrize(
     ("urdf", "file", "fault"),
-    [("", "/gone.urdf", "its file /gone.urdf is gone from the node"), ("<robot", "", "cannot be read (unclosed")],
+    [("", "/gone.urdf", "its file /gone.urdf is gone from the node"), ("<robot", "", "it is no XML (unclosed")],
 )
 def test_a_robot_that_cannot_be_drawn_is_the_box_around_its_links_and_the_page_says_why(
     server: Any, drawn: Any, urdf: str, file: str, fault: str

@@ -6,16 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseWithCovariance
-from hypothesis import given
-from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 from smartmesh_msgs.msg import BodyDescription, HeightmapUpdate
 
 from smartmesh_ros.tools.client.patch import Patch
-from smartmesh_ros.tools.testing import floats, heightmap_message, pose_message
+from smartmesh_ros.tools.testing import floats, heightmap_message, mesh_message, pose_message
 from tests.bodies import about_z, rotation
-from tests.examples import examples
 
 pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")
 
@@ -44,21 +41,6 @@ def ground_of(heights: np.ndarray, **options: object) -> Ground:
     return ground
 
 
-@given(yaw=st.floats(-3, 3), x=st.floats(-3, 3), y=st.floats(-3, 3), slope=st.floats(-1, 1))
-@examples(50)
-def test_a_click_meets_the_ground_that_is_seen_there(yaw: float, x: float, y: float, slope: float) -> None:
-    """On a plane, which triangles and rectangles of samples represent exactly."""
-    across = np.linspace(0.0, 20.0, 101)
-    cos, sin = 10.0 * math.cos(yaw), 10.0 * math.sin(yaw)
-    origin = (sin - cos, -sin - cos, 1.0)
-    ground = ground_of(np.tile(slope * across, (101, 1)), resolution=0.2, yaw=yaw, origin=origin)
-    target = np.array([x, y, ground.heights(np.array([[x, y]]))[0]])
-    eye = np.array([1.0, -30.0, 60.0])
-    [distance, beside] = ground.distances(np.stack([eye, eye]), np.stack([target - eye, [0.0, 0.0, 1.0]]))
-    assert distance == pytest.approx(np.linalg.norm(target - eye), abs=1e-3)
-    assert np.isinf(beside)
-
-
 def test_a_click_meets_the_nearest_body_on_its_way() -> None:
     ball = BodyDescription(shape=BodyDescription.SPHERE, dimensions=[0.5])
     poses = {name: Pose((x, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)) for name, x in (("far", 8.0), ("near", 4.0))}
@@ -68,19 +50,38 @@ def test_a_click_meets_the_nearest_body_on_its_way() -> None:
 
 
 def test_regions_are_written_into_the_map_and_a_new_map_replaces_them() -> None:
-    ground = ground_of(np.zeros((6, 8)))
+    ground = ground_of(np.zeros((6, 8)), yaw=0.3)
     region = HeightmapUpdate(x=2, y=1, width=3, height=2, heights=floats(np.ones((2, 3), np.float32)))
     give(ground, region, "heightmap_update")
     expected = np.zeros((6, 8))
     expected[1:3, 2:5] = 1.0
     assert np.array_equal(ground.tiles[""].heights, expected)
+    assert ground.tiles[""].geometry.yaw == pytest.approx(0.3)
     ground.take("heightmap_update", serialize_message(region))
-    give(ground, heightmap_message(np.full((6, 8), 2.0)))
-    assert (ground.tiles[""].heights == 2.0).all()
-    for spoilt in (b"", b"\0\1\0\0" + bytes(40), serialize_message(region)[:-4]):
-        give(ground, spoilt, "heightmap_update")
+    impossible = serialize_message(heightmap_message(np.zeros((6, 8)), resolution=-1.0))
+    for number, spoilt in enumerate((b"", b"\0\1\0\0" + bytes(40), serialize_message(region)[:-4], impossible)):
+        ground.take("heightmap", serialize_message(heightmap_message(np.full((6, 8), number))))
         give(ground, spoilt)
-    assert (ground.tiles[""].heights == 2.0).all(), "what makes no sense changes nothing"
+        give(ground, spoilt, "heightmap_update")
+        assert (ground.tiles[""].heights == number).all(), "what makes no sense changes nothing, also of what waits"
+
+
+def test_of_a_map_that_cannot_be_shown_nothing_is_taken() -> None:
+    """What is below the first map of a tile would be looked up in one of another size, which ended the view."""
+    ground = ground_of(np.zeros((6, 8)))
+    give(ground, heightmap_message(np.zeros((4, 4)), friction=-1.0))
+    assert ground.first[""].shape == ground.tiles[""].heights.shape == (6, 8)
+
+
+@pytest.mark.parametrize(("topic", "message"), [
+    ("heightmap", heightmap_message(np.zeros((3, 3)))), ("terrain_mesh", mesh_message(np.eye(3), [(0, 1, 2)])),
+])  # fmt: skip
+def test_only_the_newest_ground_of_a_tile_waits_for_a_page(topic: str, message: Any) -> None:
+    """Else memory would grow by gigabytes while none is open."""
+    ground = Ground()
+    for _ in range(10):
+        ground.take(topic, serialize_message(message))
+    assert len(ground._waiting) == 1
 
 
 def test_every_triangle_that_sank_has_the_colour_of_its_deepest_corner() -> None:
@@ -158,13 +159,13 @@ def test_no_ground_is_drawn_over_a_patch_that_has_moved_since_the_map(server: An
 
 
 def test_tiles_and_patches_of_a_deck_are_drawn_and_clicked_where_its_odometry_says(server: Any, drawn: Any) -> None:
-    """Also a patch of a moment ago, when the deck was elsewhere."""
+    """Also a patch of a moment ago, when the deck was elsewhere. Rays on any ground: tests/terrain/test_queries.py."""
     ground, sight = ground_of(np.zeros((11, 11)), resolution=1.0), Sight()
     ground.frames = sight.bases
     tile = "ferry/roof"
     give(ground, heightmap_message(np.zeros((5, 5)), resolution=0.5, origin=(-1.0, -1.0, 0.25), tile=tile))
     scene = Scene(server)
-    eye, down = np.array([[4.0, 5.0, 9.0]]), np.array([[0.0, 0.0, -1.0]])
+    eye, down = np.array([[4.0, 5.0, 99.0]]), np.array([[0.0, 0.0, -1.0]])
     corners, turn = np.array([(0.0, 0.0), (0.5, 0.0), (0.0, 0.5)]), rotation(about_z(0.3))[:2, :2]
     vertices = np.column_stack([corners @ turn.T + (4.0, 5.0), np.ones(3)])
     sight.patches["box"] = patch_of("trimesh", tile, vertices, [0, 1, 2])
@@ -180,7 +181,7 @@ def test_tiles_and_patches_of_a_deck_are_drawn_and_clicked_where_its_odometry_sa
         patch = drawn["/decks/ferry/patches/mesh"]
         np.testing.assert_allclose(patch.vertices[:, :2], corners, atol=1e-5)
         np.testing.assert_allclose(patch.vertices[:, 2], 0.25, atol=0.01)
-        assert ground.distances(eye, down) == pytest.approx(9.0 - height - 0.25)
+        assert ground.distances(eye, down) == pytest.approx(99.0 - height - 0.25)
     assert "/terrain/tile_" in drawn and "/terrain/tile_ferry%2Froof" not in drawn
 
 

@@ -18,7 +18,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters import declaring
 from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.tools.client.patch import KINDS
-from smartmesh_ros.tools.testing import TIMEOUT, Process
+from smartmesh_ros.tools.testing import TIMEOUT
 from tests.examples import examples
 
 pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")
@@ -179,10 +179,8 @@ def test_a_view_of_a_node_needs_no_matplotlib() -> None:
     subprocess.run([sys.executable, "-c", code], check=True, timeout=TIMEOUT)
 
 
-def test_an_option_that_means_nothing_is_named(domain: int, capsys: pytest.CaptureFixture[str]) -> None:
-    with Process("view", arguments=["--port", "0", "--node", "a b"]) as view:
-        assert view.process.wait(TIMEOUT) == 1
-        assert "view: " in view.output and "full name" in view.output and "Traceback" not in view.output
+def test_an_option_that_means_nothing_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    """The name of a node: tests/node/test_command.py."""
     for option, value, words in (("--rate", "0", "'0' is no number from 1"), ("--port", "99999", "no whole number")):
         with pytest.raises(SystemExit, match="2"):
             main([option, value])

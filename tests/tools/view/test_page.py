@@ -15,12 +15,14 @@ from smartmesh_msgs.msg import BodyDescription, ColliderPatch
 from smartmesh_msgs.srv import RemoveBody
 
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process
+from smartmesh_ros.tools.view.camera import Camera, Lens
 from smartmesh_ros.tools.view.looks import BODY_COLOURS, PatchLook
 from tests.node import shared
+from tests.tools.view.test_camera import places_in
 
 CELL, SIDE = 0.1, 12.0  # of the map [m]: flat where x < 0, small waves where x > 0
 WIDTH, HEIGHT = 860, 560
-CAMERA, LOOK_AT = np.array([0.0, -5.0, 7.0]), np.array([0.0, 0.0, 0.0])
+CAMERA = Camera(np.array([0.0, -5.0, 7.0]), np.zeros(3))
 FIELD_OF_VIEW = math.radians(75.0)
 # Four frames a second: drawn on the processor, as many as there can be take a core.
 FEWER_FRAMES = """
@@ -73,6 +75,7 @@ def browser() -> Iterator[Any]:
 def open_page(browser: Any, url: str) -> Any:
     """A page of the browser at an address."""
     opened = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+    opened.set_default_timeout(1000 * TIMEOUT)
     opened.add_init_script(FEWER_FRAMES)
     opened.goto(url)
     return opened
@@ -81,9 +84,8 @@ def open_page(browser: Any, url: str) -> Any:
 @pytest.fixture(scope="module")
 def page(browser: Any, url: str) -> Iterator[Any]:
     """The page, looking down on the two places from a known camera."""
-    place, target = (",".join(f"{value:g}" for value in vector) for vector in (CAMERA, LOOK_AT))
+    place, target = (",".join(f"{value:g}" for value in vector) for vector in CAMERA)
     opened = open_page(browser, f"{url}/?initialCameraPosition={place}&initialCameraLookAt={target}")
-    opened.set_default_timeout(1000 * TIMEOUT)
     opened.get_by_text("real-time factor", exact=False).wait_for()  # comes last, and moves what is below it
     yield opened
     opened.close()
@@ -91,12 +93,8 @@ def page(browser: Any, url: str) -> Iterator[Any]:
 
 def pixel(point: Any) -> tuple[int, int]:
     """Column and row at which the page shows a point (3,) [m]."""
-    forward = (LOOK_AT - CAMERA) / np.linalg.norm(LOOK_AT - CAMERA)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    offset = np.asarray(point) - CAMERA
-    scale = HEIGHT / 2 / math.tan(FIELD_OF_VIEW / 2) / (offset @ forward)
-    return round(WIDTH / 2 + scale * (offset @ right)), round(HEIGHT / 2 - scale * (offset @ np.cross(right, forward)))
+    [(right, up)] = places_in(CAMERA, np.array([point]), Lens(FIELD_OF_VIEW, WIDTH / HEIGHT))
+    return round(WIDTH / 2 * (1.0 + right)), round(HEIGHT / 2 * (1.0 - up))
 
 
 def hues(page: Any) -> np.ndarray:

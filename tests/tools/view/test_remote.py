@@ -3,18 +3,19 @@ the run that is there, whether the one before ended or was killed."""
 
 from argparse import Namespace
 from contextlib import nullcontext, suppress
-from time import sleep
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from shape_msgs.msg import Mesh
 from smartmesh_msgs.msg import ColliderPatch, ColliderPatchArray, Heightmap, TrackedBodyArray
 
+from smartmesh_ros.tools.client import remote as remote_module
 from smartmesh_ros.tools.client.remote import Remote
 from smartmesh_ros.tools.testing import COLLIDER, Probe, Process, heightmap_message, mesh_message
 
@@ -39,7 +40,19 @@ def test_tiles_that_are_published_in_a_burst_are_all_shown(remote: Remote, probe
     for name in names:
         maps.publish(heightmap_message(np.zeros((5, 5)), tile=name))
     assert maps.wait_for_all_acked()
-    probe.wait_for(lambda: tiles(remote) == names, timeout=20.0)
+    probe.wait_for(lambda: tiles(remote) == names)
+
+
+def test_after_a_large_map_no_others_are_received_for_a_while_unless_it_is_the_last_one_again(
+    remote: Remote, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A latched map comes with each subscription: for ever, and each time it took back the regions that had changed."""
+    monkeypatch.setattr(remote_module, "LARGE_MAP", 100)
+    for stamp, pauses in (((1, 0), True), ((1, 0), False), ((1, 5), True), ((0, 0), True), ((0, 0), True)):
+        before = remote._no_maps_until
+        message = heightmap_message(np.zeros((9, 9)), stamp=Time(sec=stamp[0], nanosec=stamp[1]))
+        remote._take("heightmap", serialize_message(message))
+        assert (remote._no_maps_until > before) == pauses
 
 
 def test_patches_are_those_of_the_newest_whole_message_and_of_all_changes_after(remote: Remote) -> None:
@@ -65,10 +78,10 @@ def test_messages_are_handled_however_long_a_page_takes(monkeypatch: pytest.Monk
 
     def spend(what: str, seconds: float) -> None:
         spent[what] += seconds
-        sleep(seconds)
 
     made: Any = SimpleNamespace(url="", close=lambda: None, refresh=lambda: spend("page", next(left)))
     monkeypatch.setattr(page, "Page", lambda *_: made)
+    monkeypatch.setattr(main, "monotonic", lambda: sum(spent.values()))
     remote: Any = SimpleNamespace(name="", missing="", close=lambda: None, spin=lambda time: spend("messages", time))
     options = Namespace(node="n", host="", port=0, rate=100.0, demo=False)
     with suppress(StopIteration):
