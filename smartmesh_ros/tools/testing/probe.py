@@ -249,17 +249,17 @@ class Probe:
         self.publishers["heightmap"].publish(message)
         return message
 
-    def publish_poses(self, positions: Sequence[Sequence[float]]) -> None:
-        """Publish positions [m] in the terrain's frame of the bodies ``body_0``, ``body_1``, ..."""
+    def publish_poses(self, positions: Sequence[Sequence[float]], frame_id: str = "") -> None:
+        """Publish positions [m] of the bodies ``body_0``, ``body_1``, ..., in a frame, else in the terrain's."""
         message = PoseArray(poses=[pose_message(position) for position in positions])
-        message.header.stamp = self.now()
+        message.header.stamp, message.header.frame_id = self.now(), frame_id
         self.publishers["body_poses"].publish(message)
 
-    def publish_bodies(self, bodies: dict[str, Sequence[float]], radius: float = 0.0) -> None:
-        """Publish tracked bodies by name and position [m] in the terrain's frame."""
+    def publish_bodies(self, bodies: dict[str, Sequence[float]], radius: float = 0.0, frame_id: str = "") -> None:
+        """Publish tracked bodies by name and position [m], in a frame, else in the terrain's."""
         tracked = [msg.TrackedBody(id=name, pose=pose_message(at), radius=radius) for name, at in bodies.items()]
         message = msg.TrackedBodyArray(bodies=tracked)
-        message.header.stamp = self.now()
+        message.header.stamp, message.header.frame_id = self.now(), frame_id
         self.publishers["tracked_bodies"].publish(message)
 
     def now(self) -> Any:
