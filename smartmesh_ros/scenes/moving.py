@@ -136,7 +136,7 @@ class Rut(Scene):
         if time < self._time:
             self._ground[:] = 0.0
             self._time = 0.0
-        lap = math.tau * self.radius / max(self.speed, 1e-9)  # more of them press nothing new
+        lap = math.tau * self.radius / self.speed  # a second one over the same circle presses no deeper
         begin = max(self._time, time - lap)
         steps = max(1, math.ceil((time - begin) * self.speed / (0.25 * self.width)))
         for moment in np.linspace(begin, time, steps + 1)[1:]:

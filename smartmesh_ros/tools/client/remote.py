@@ -110,7 +110,7 @@ class Remote:
         self._watched: set[str] | None = None
         self._subscriptions: dict[str, tuple[Any, int]] = {}  # with the numbers of publishers
         self._no_maps_until = 0.0  # end of the pause in receiving whole maps [s]
-        self._large_stamp = b""  # of the last map that began one
+        self._large_stamp = b""  # bytes of the stamp of the last large map
         self.runs: frozenset[bytes] = frozenset()
         self._forget()
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
@@ -235,8 +235,9 @@ class Remote:
             return
         self.ground.take(topic, data)
         if topic == "heightmap" and len(data) > LARGE_MAP:
-            stamp, before = data[4:12], self._large_stamp
-            if stamp != before or not any(stamp):  # else a latched map, which comes with each subscription
+            stamp, before = data[4:12], self._large_stamp  # behind the four bytes that say how CDR is written
+            # A latched map comes again with each subscription. Maps without a stamp cannot be told apart.
+            if stamp != before or not any(stamp):
                 self._no_maps_until, self._check_due = monotonic() + LARGE_MAP_PERIOD, 0.0
             self._large_stamp = stamp
 
