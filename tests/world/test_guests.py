@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from smartmesh_ros import BodyState, Box, Capsule, Cylinder, InputError, PhysicsConfig, Sphere
 from smartmesh_ros.core import CORE
 from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros.world.guest_owner import GuestOwner
 from smartmesh_ros.world.settings import GuestConfig
 from smartmesh_ros.world.states import SimulatedStates
 from tests.bodies import random_turn, rotation
@@ -246,6 +247,15 @@ def test_a_body_changes_its_owner_while_older_states_are_in_use() -> None:
         assert world.bodies["body"].owner == "a"
         world.step(5)
         assert world.bodies["body"].owner == "b"
+
+
+@given(st.floats(-0.5, 0.5), st.lists(st.floats(-0.15, 0.15), min_size=20, max_size=20))
+def test_steps_of_an_owner_that_come_half_way_between_own_ones_are_counted_one_by_one(
+    phase: float, jitter: list[float]
+) -> None:
+    owner, config = GuestOwner(), GuestConfig()
+    steps = [owner.to_own_steps(number + phase + late, config) for number, late in enumerate(jitter)]
+    assert [after - before for before, after in pairwise(steps)] == [1] * 19
 
 
 @given(seed=st.integers(0, 2**32 - 1), duration=st.floats(-0.2, 0.2))
