@@ -28,8 +28,13 @@ PlacedPart place_above(const SoilLattice& soil, const Solid& of, double time) {
   for (Vec3& axis : solid.axes.row)
     axis = {pose.cos * axis.x + pose.sin * axis.y, pose.cos * axis.y - pose.sin * axis.x, axis.z};
   const GridPoint at = to_grid(pose, soil.spacing(), solid.centre.x, solid.centre.y);
-  return {pose,   underside(solid, soil.spacing()), at.column,
-          at.row, solid.centre.z - soil.map().z,    -solid.extent_along({0.0, 0.0, 1.0})};
+  const Vec3 reach = solid.half_extents();
+  return {pose,
+          underside(solid, soil.spacing(), soil.normal_around(at, reach.x, reach.y)),
+          at.column,
+          at.row,
+          solid.centre.z - soil.map().z,
+          -reach.z};
 }
 
 CellRange samples_around(const SoilLattice& soil, const PlacedPart& placed, double x, double y) {

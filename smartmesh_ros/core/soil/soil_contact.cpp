@@ -60,8 +60,8 @@ Mat3 inertia_of(const Solid& solid, double mass) {
 
 // Fills `under_` with the samples that a part whose rim slips reaches if it goes down by `deepest` [m]; zero = all
 // whose level it is below, also those that have sunk away from it.
-void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, double slip, double deepest,
-                           const SoilStep& step) {
+void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, const MovingSolid& moving, double slip,
+                           double deepest, const SoilStep& step) {
   under_.clear();
   const CellRange all = samples_around(soil, placed, half_extent(placed.shape, 0), half_extent(placed.shape, 1));
   if (all.empty()) return;
@@ -80,6 +80,7 @@ void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, double s
   }
   row_.x.resize(static_cast<std::size_t>(right - left));
   for (int c = left; c < right; ++c) row_.x[c - left] = (c - placed.column) * spacing;
+  const Vec3 linear = placed.to_grid(moving.linear), angular = placed.to_grid(moving.angular);
   const bool is_level = stands_level(placed.shape);  // then its upright faces do not lift it off samples on their edges
   for (int r = top; r < bottom; ++r) {
     row_.y = (r - placed.row) * spacing;
@@ -96,9 +97,11 @@ void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, double s
       const Vec3 normal = placed.normal(offset, is_beside);
       const LoadedSoil& own = soils_[soil.kind(r, c)];
       const double loaded = sample.step >= step.last ? sample.pressure : 0.0;
+      const bool leaves = dot(linear + cross(angular, offset), normal) > 0.0;
       under_.push_back({&sample, &own, r, c, offset, normal,
                         lever_at(offset, normal) * (1.0 / std::max(normal.z, LEAST_VERTICAL)), placed.z + low,
-                        sample.level - sample.yield.plastic - loaded / own.elastic, row_.share[k] * spacing * spacing});
+                        sample.level - sample.yield.plastic - loaded / own.elastic, row_.share[k] * spacing * spacing,
+                        leaves});
     }
   }
 }
@@ -123,7 +126,7 @@ void SoilUnderBody::damp_critically(double mass, double dt) {
 // Sets the loads of the samples for a part that went some way.
 void SoilUnderBody::load(const Vec3& way) {
   for (Under& under : under_) {
-    const double height = under.low + dot(under.lever, way), sinkage = under.sample->level - height;
+    const double height = under.low + dot(under.lever, way), sinkage = under.sinkage_at(height);
     const Yield& before = under.sample->yield;
     under.pressure = pressure_at(sinkage, before, *under.soil);
     const double drag = under.soil->drag * (under.surface - height);
@@ -222,7 +225,8 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
   const Mat3 inertia = inertia_of(placed.shape.solid, carried.mass);
   const Vec3 free = (velocity + solve(inertia, placed.to_grid(carried.load)) * step.dt) * step.dt;
   const double reach = placed.shape.solid.shape->extent({1.0, 1.0, 1.0});
-  gather(soil, placed, rim.slip(), std::max(0.0, -free.z) + (std::abs(free.x) + std::abs(free.y)) * reach, step);
+  gather(soil, placed, moving, rim.slip(), std::max(0.0, -free.z) + (std::abs(free.x) + std::abs(free.y)) * reach,
+         step);
   if (carried.is_set_down) damp_critically(carried.mass, step.dt);
   const Vec3 way = settle(scaled(inertia, 1.0 / (step.dt * step.dt)), free, velocity * step.dt, reach);
   Quarter quarters[4];
@@ -242,7 +246,7 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
 
 SoilSums SoilUnderBody::press(SoilLattice& soil, const MovingSolid& moving, ShearedRim& rim, const SoilStep& step) {
   const PlacedPart placed = place_above(soil, moving.solid, step.time);
-  gather(soil, placed, rim.slip(), 0.0, step);
+  gather(soil, placed, moving, rim.slip(), 0.0, step);
   load({});
   SoilSums sums;
   points_ = {{}, {}, soil.spacing(), placed.to_world({1.0, 0.0, 0.0})};
@@ -250,7 +254,7 @@ SoilSums SoilUnderBody::press(SoilLattice& soil, const MovingSolid& moving, Shea
     FineSample& sample = *under.sample;
     sample.pressure = static_cast<float>(under.pressure), sample.step = step.number;
     if (under.pressure <= 0.0) continue;
-    const double sinkage = sample.level - under.low, before = sample.yield.plastic;
+    const double sinkage = under.sinkage_at(under.low), before = sample.yield.plastic;
     sample.yield = yield_after(sinkage, under.pressure, sample.yield, *under.soil);
     if (sample.yield.plastic > before) soil.note(under.row, under.column);
     if (!(under.area > 0.0)) continue;
@@ -265,7 +269,7 @@ SoilSums SoilUnderBody::press(SoilLattice& soil, const MovingSolid& moving, Shea
 
 void SoilUnderBody::make_room(SoilLattice& soil, const MovingSolid& moving, const SoilStep& step) {
   const PlacedPart placed = place_above(soil, moving.solid, step.time);
-  gather(soil, placed, 0.0, 0.0, step);
+  gather(soil, placed, moving, 0.0, 0.0, step);
   for (const Under& under : under_) {
     FineSample& sample = *under.sample;
     const double sinkage = sample.level - under.low;

@@ -66,20 +66,26 @@ class SoilUnderBody {
  private:
   // A sample under the part, or beside its edge. `offset` [m]: of the underside from its middle, in axes of the grid.
   // Heights [m] without the map's z: of the underside `low`, and of the ground at the start of the step `surface`.
+  // `leaves`: the underside rises there.
   struct Under {
     FineSample* sample;
     const LoadedSoil* soil;
     int row, column;
     Vec3 offset, normal, lever;
     double low, surface, area;
+    bool leaves;
     double pressure = 0.0, total = 0.0, stiffness = 0.0;
     int quarter = 0;
 
     bool carries() const { return total > 0.0 && area > 0.0; }
+    // Returns the sinkage under an underside at a height [m]. One that leaves does not press the soil further: it came
+    // there sideways, behind an edge that slid.
+    double sinkage_at(double height) const { return sample->level - (leaves ? std::max(height, surface) : height); }
   };
   struct Quarter;
 
-  void gather(SoilLattice& soil, const PlacedPart& placed, double slip, double deepest, const SoilStep& step);
+  void gather(SoilLattice& soil, const PlacedPart& placed, const MovingSolid& moving, double slip, double deepest,
+              const SoilStep& step);
   void damp_critically(double mass, double dt);
   void load(const Vec3& way);
   Vec3 settle(const Mat3& inertia, const Vec3& free, const Vec3& start, double reach);

@@ -89,6 +89,22 @@ double SoilLattice::highest(const CellRange& samples) const {
   return found;
 }
 
+double SoilLattice::unpressed_at(double row, double column) const {
+  const int r = static_cast<int>(std::lround(row)), c = static_cast<int>(std::lround(column));
+  if (r < 0 || c < 0 || r >= rows() || c >= columns()) return NONE;
+  const FineSample* sample = find(r, c);
+  return sample != nullptr ? sample->level : level_at(r, c);
+}
+
+Vec3 SoilLattice::normal_around(const GridPoint& at, double x, double y) const {
+  const auto slope = [&](double rows, double columns) {
+    const double rise =
+        unpressed_at(at.row + rows, at.column + columns) - unpressed_at(at.row - rows, at.column - columns);
+    return std::isnan(rise) ? 0.0 : rise / (2.0 * (rows + columns) * spacing());
+  };
+  return unit({-slope(0.0, x / spacing()), -slope(y / spacing(), 0.0), 1.0});
+}
+
 FineSample& SoilLattice::at(int row, int column) {
   auto& block = blocks_[static_cast<std::size_t>(row >> SIDE_SHIFT) * block_columns_ + (column >> SIDE_SHIFT)];
   if (block == nullptr) block = std::make_unique<Block>();

@@ -68,6 +68,9 @@ class SoilLattice {
   void renew(const CellRange& samples, std::int32_t last);
   // Returns the highest of the map's samples around these, without the map's z [m]; -1e300 = holes alone.
   double highest(const CellRange& samples) const;
+  // Returns the normal of the ground as it was never pressed, between distances along columns `x` and rows `y` [m] on
+  // both sides of a place, in axes of the grid, upwards. Holes and what is beside the map count as level.
+  Vec3 normal_around(const GridPoint& at, double x, double y) const;
   // Returns how far a fine sample is pressed below the map, which shows the means around its samples, and later [m].
   // `last`: as in `renew`, of loads that still press it.
   double below_map(int row, int column, std::int32_t last) const;
@@ -93,6 +96,8 @@ class SoilLattice {
   std::int64_t node_index(int row, int column) const { return static_cast<std::int64_t>(row) * map_.columns + column; }
   float mapped(int row, int column) const { return map_.heights[map_.index(row, column)]; }
   double level_at(int row, int column) const;
+  // Returns the level at the fine sample that is nearest, NaN beside the map.
+  double unpressed_at(double row, double column) const;
   // Returns true if the map around a fine sample has the heights that the soil gave it or found there.
   bool is_known_around(int row, int column) const;
   // Returns the index of the map's sample that is nearest to a fine one.

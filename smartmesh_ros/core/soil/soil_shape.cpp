@@ -10,8 +10,9 @@ constexpr double STANDS = 0.7;
 // Slope below which a face counts as vertical.
 constexpr double LEVEL = 1e-9;
 
-int most_vertical(const Vec3 (&axis)[3]) {
-  const double x = std::abs(axis[0].z), y = std::abs(axis[1].z), z = std::abs(axis[2].z);
+int nearest_to(const Vec3& normal, const Vec3 (&axis)[3]) {
+  const double x = std::abs(dot(axis[0], normal)), y = std::abs(dot(axis[1], normal)),
+               z = std::abs(dot(axis[2], normal));
   if (z >= x && z >= y) return 2;
   return x >= y ? 0 : 1;
 }
@@ -72,40 +73,52 @@ void leave_out_crossed(UndersideRow& row) {
 // Writes the shares of a row that a standing cylinder covers.
 void cover_round(const Underside& shape, UndersideRow& row) {
   for (std::size_t k = 0; k < row.x.size(); ++k) {
-    const double inside = shape.half[0] - std::hypot(row.x[k], row.y);
+    const double inside = shape.half[0] - std::hypot(row.x[k] - shape.lowest.x, row.y - shape.lowest.y);
     row.share[k] = std::min(std::max(0.5 + inside / shape.spacing, 0.0), 1.0);
   }
 }
 
-// Multiplies the shares of a row by those that the shape covers along one of its axes, seen from above.
+// Multiplies the shares of a row by those of what faces the ground along one of the axes, seen from above.
 void cover_along(const Underside& shape, int axis, UndersideRow& row) {
-  const double along_x = shape.axis(axis).x, rest = shape.axis(axis).y * row.y, level = shape.level[axis];
-  const double half = shape.half[axis] * level, spacing = shape.spacing, half_cell = 0.5 * spacing;
+  const double along_x = shape.across[axis].x, rest = shape.across[axis].y * row.y;
+  const double from = shape.from[axis], to = shape.to[axis], spacing = shape.spacing, half_cell = 0.5 * spacing;
   const double* x = row.x.data();
   double* share = row.share.data();
   for (std::size_t k = 0, count = row.x.size(); k < count; ++k) {
-    const double distance = (along_x * x[k] + rest) / level;
-    const double left = most(distance - half_cell, -half), right = least(distance + half_cell, half);
+    const double distance = along_x * x[k] + rest;
+    const double left = most(distance - half_cell, from), right = least(distance + half_cell, to);
     share[k] *= most(right - left, 0.0) / spacing;
   }
 }
 
 }  // namespace
 
-Underside underside(const Solid& solid, double spacing) {
+Underside underside(const Solid& solid, double spacing, const Vec3& normal) {
   const Shape& own = *solid.shape;
-  Underside shape{solid, own.kind, {own.half.x, own.half.y, own.half.z}, spacing, most_vertical(solid.axes.row), {},
-                  {},    {}};
+  Underside shape{solid, own.kind, {own.half.x, own.half.y, own.half.z}, spacing, nearest_to(normal, solid.axes.row)};
   const bool is_cylinder = own.kind == ShapeKind::Cylinder, stands = shape.upright == 2;
   for (int k = 0; k < 3; ++k) {
     const Vec3& axis = shape.axis(k);
     if (k < 2) shape.half[k] += own.rounding;
     shape.margin[k] = spacing * (std::abs(axis.x) + std::abs(axis.y));
-    shape.level[k] = std::sqrt(axis.x * axis.x + axis.y * axis.y);
     shape.grown[k] = shape.half[k];
     if (own.kind == ShapeKind::Box && k != shape.upright) shape.grown[k] += shape.margin[k];
     if (is_cylinder && stands && k < 2) shape.grown[k] += SQRT2 * spacing;
     if (is_cylinder && !stands && k == 2) shape.grown[k] += shape.margin[k];
+  }
+  Vec3 down = shape.axis(shape.upright) * std::copysign(1.0, -dot(normal, shape.axis(shape.upright)));
+  if (is_cylinder && !stands) down = unit(dot(normal, shape.axis(2)) * shape.axis(2) - normal);
+  shape.lowest = down * shape.half[is_cylinder && !stands ? 0 : shape.upright];
+  for (int k = 0; k < 3; ++k) {
+    const Vec3& axis = shape.axis(k);
+    const double level = std::sqrt(axis.x * axis.x + axis.y * axis.y), half = shape.half[k] * level;
+    if (level < LEVEL) continue;  // it stands upright
+    shape.across[k] = Vec3{axis.x, axis.y, 0.0} * (1.0 / level);
+    const double middle = dot(shape.lowest, shape.across[k]), seen = solid.extent_along(shape.across[k]);
+    // Squared: a face that is nearly upright to the ground, as that before a sliding box, is not on it.
+    const double alike = dot(normal, axis) / dot(normal, down), beside = std::min(1.0, alike * alike);
+    shape.from[k] = middle - half + beside * (half - middle - seen);
+    shape.to[k] = middle + half + beside * (seen - half - middle);
   }
   return shape;
 }

@@ -17,20 +17,25 @@ struct Underside {
   ShapeKind kind;
   double half[3];    // half lengths of a box along its own axes; else radius, radius, half height [m]
   double spacing;    // of the samples [m]
-  int upright;       // its most vertical axis
+  int upright;       // its axis that is nearest to the normal of the ground
   double margin[3];  // farthest distance along an axis of a corner of a cell that the shape's edge touches [m]
   double grown[3];   // half lengths with the margins of flat faces [m]
-  double level[3];   // lengths of the axes seen from above
+  Vec3 lowest;       // middle of the face that is on the ground, or of the line of a lying cylinder [m]
+  Vec3 across[3];    // directions of the axes seen from above
+  // What faces the ground, seen from above, along these from the middle [m]: the lowest face, and of the face beside it
+  // the more, the more alike the two are inclined to the ground.
+  double from[3], to[3];
 
   const Vec3& axis(int k) const { return solid.axes.row[k]; }
 };
 
-Underside underside(const Solid& solid, double spacing);
+// `normal`: of the ground, upwards.
+Underside underside(const Solid& solid, double spacing, const Vec3& normal);
 
 // Samples of a row of the grid at (x, y) [m] and what is above them. `low`: height of the underside [m], infinity
-// beside it. `share`: of a sample's cell that the shape covers. It is exact for rectangles along the grid. In other
-// directions single shares are approximate, but their sum over the samples is near the area. Round undersides cover
-// whole cells: their pressure vanishes at the edge.
+// beside it. `share`: of a sample's cell that what faces the ground covers. It is exact for rectangles along the grid.
+// In other directions single shares are approximate, but their sum over the samples is near the area. Round undersides
+// cover whole cells: their pressure vanishes at the edge.
 struct UndersideRow {
   double y = 0.0;
   std::vector<double> x, low, share, high;  // `high` is work space

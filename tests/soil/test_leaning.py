@@ -1,0 +1,60 @@
+"""Bodies that lean on soil: what faces the ground bears them, wherever their middle is."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pybullet as pb
+import pytest
+
+from smartmesh_ros import BodyState, Box, HeightMap, Soil, World
+from studies.soil.vehicles import Cart
+from tests.bodies import about_z
+from tests.grounds import world_of
+from tests.soil.test_soil_world import ALONG, world_on
+
+MASS = 20.0  # of plates [kg]
+
+
+def energies(world: World, name: str, inertia: np.ndarray) -> Iterator[float]:
+    """Yield the energy [J] of a body of `MASS` and the principal moments of ``inertia`` [kg m^2] in each step."""
+    while True:
+        state = world.state(name)
+        axes = np.array(pb.getMatrixFromQuaternion(state.orientation)).reshape(3, 3)
+        spin, speed = axes.T @ state.angular, np.array(state.linear)
+        yield 0.5 * (MASS * speed @ speed + inertia @ spin**2) + 9.81 * MASS * state.position[2]
+        world.step()
+
+
+@pytest.mark.parametrize("soil", ["dry_sand", "clay"])
+@pytest.mark.parametrize("size", [(0.4, 0.02, 0.3), (0.02, 0.4, 0.3), (0.4, 0.1, 0.4)])
+def test_a_plate_on_its_edge_falls_over_and_is_neither_thrown_nor_swallowed(
+    size: tuple[float, float, float], soil: str
+) -> None:
+    a, b, c = size
+    inertia = MASS / 12.0 * np.array([b * b + c * c, a * a + c * c, a * a + b * b])
+    for yaw, lean in ((0.0, 3.0), (0.5, 3.0), (0.0, 12.0), (0.5, 25.0), (0.0, 45.0)):
+        tilt = pb.getQuaternionFromEuler((math.radians(lean), 0.0, yaw))
+        with world_on(soil, sleep=False) as world:
+            world.spawn("plate", Box(*size), MASS, BodyState((2.003, 1.997, 0.0), tilt), on_ground=True)
+            first, *rest = (energy for energy, _ in zip(energies(world, "plate", inertia), range(720), strict=False))
+            assert max(rest) < first + 0.1 * 9.81 * MASS * c
+            assert world.state("plate").position[2] > 0.5 * min(size) - 0.015
+            assert abs(np.array(world.state("plate").linear)).max() < 0.05
+
+
+@pytest.mark.parametrize("soil", ["dry_sand", "clay", "lunar"])
+def test_wheels_across_a_slope_sink_as_deep_as_on_level_ground(soil: str) -> None:
+    """Their lowest points are beside their middles. The lower wheels bear more than the upper ones."""
+    cart = Cart(radius=0.2, width=0.1, mass=60.0, wheel_mass=5.0, base=0.8, track=0.8)
+    found = []
+    for slope in (0.0, 0.3):
+        with world_of(HeightMap(slope * ALONG, resolution=0.04), sleep=False) as world:
+            world.ground.set_soil(Soil(world.terrain, soil, spacing=0.02))
+            start = BodyState((2.003, 2.007, 0.0), about_z(0.5 * math.pi))
+            world.spawn_robot("cart", cart.urdf, start, on_ground=True, align=True)
+            world.step(480)
+            found.append([support.sinkage for support in world.ground.on_soil().values()])
+    level, across = np.array(found)
+    assert across == pytest.approx(level, rel=0.4)
+    assert across.mean() == pytest.approx(level.mean(), rel=0.15)
