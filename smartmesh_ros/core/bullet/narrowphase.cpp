@@ -11,6 +11,9 @@ namespace smartmesh {
 
 namespace {
 
+// Distance from the edge of the soil within which a contact is with other ground [m].
+constexpr double AT_EDGE = 1e-6;
+
 // Returns the pose of a shape that is turned in Bullet's frame of it.
 Pose pose_of(const Convex& shape, const btTransform& at) {
   Pose pose = from_bullet(at);
@@ -80,8 +83,7 @@ void Narrowphase::touch_ground(const Slot& slot, const Convex& shape, const Pose
   search_.find(shape, pose, *now_.terrain, now_.time, approach.with_margin(slot.near.spread * step), contacts_, soil);
   if (soil.map != nullptr) {
     const auto is_soil = [&](const Contact& contact) {
-      return contact.deck < 0 && !contact.on_mesh &&
-             now_.soil->is_all_around(contact.point, AT_EDGE_OF_SOIL, now_.time);
+      return contact.deck < 0 && !contact.on_mesh && now_.soil->is_all_around(contact.point, AT_EDGE, now_.time);
     };
     contacts_.erase(std::remove_if(contacts_.begin(), contacts_.end(), is_soil), contacts_.end());
   }

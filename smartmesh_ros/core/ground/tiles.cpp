@@ -10,6 +10,9 @@ namespace smartmesh {
 
 namespace {
 
+// Distance from the edge of a map within which a point is on it [m].
+constexpr double AT_EDGE = 1e-6;
+
 // Returns true if there is ground at a height [m], and none at an `other` one that is as high; NaN = no ground there.
 bool is_above(double height, double other) { return !(height <= other) && !std::isnan(height); }
 
@@ -249,7 +252,7 @@ void Tiles::sample_across(const MapAtInstant& finest, const Bounds& bounds, doub
   TileReader beside(others, widest_cell_, time, ahead > 0.0 ? ahead : INSTANT);
   const auto sample = [&](const Vec3& p) -> GroundPoint {
     if (!has_soil) return tiles.sample(p.x, p.y);
-    if (is_ground_around(*soil.map, (*of_soil)->pose, p, AT_EDGE_OF_SOIL)) return {NONE, {}};
+    if (is_ground_around(*soil.map, (*of_soil)->pose, p, AT_EDGE)) return {NONE, {}};
     const GroundPoint ground = tiles.sample(p.x, p.y), other = beside.sample(p.x, p.y);
     const bool is_others = soil.is_below ? !std::isnan(other.height) : other.height > ground.height;
     return is_others ? other : ground;

@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "ground/ground_under.h"
-#include "ground/soil_below.h"
 #include "ground/tile_reader.h"
 #include "map/window.h"
 #include "mesh/mesh_reader.h"
@@ -25,6 +24,13 @@ struct NearbyGround {
 };
 
 constexpr int NOBODY = -2;
+
+// A map of soil, which other contacts bear: other ground ends at its edges. `map`: null = none. `is_below`: it is below
+// the middle of a shape, for which its own edges are no ground; `is_all`: all below the shape is soil.
+struct SoilBelow {
+  const HeightGrid* map = nullptr;
+  bool is_below = false, is_all = false;
+};
 
 // The ground near a point, whether it is of a mesh, and the deck that has it; null = it is beside decks, or there is
 // none.

@@ -11,7 +11,7 @@ namespace {
 auto shape_above_grid(const BodyShape& of, Rows<const Place> points, double spacing) {
   if (!is_primitive(of.outline.kind))
     throw std::invalid_argument("soil is pressed by boxes, balls, cylinders and capsules alone");
-  const Underside shape = underside(Solid(of.outline, {}), spacing, {0.0, 0.0, 1.0});
+  const Underside shape = underside(Solid(of.outline, {}), spacing);
   UndersideRow row;
   std::vector<std::array<double, 5>> found;
   for (const auto& [x, y] : points) {

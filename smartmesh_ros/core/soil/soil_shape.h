@@ -30,7 +30,7 @@ struct Underside {
 };
 
 // `normal`: of the ground, upwards.
-Underside underside(const Solid& solid, double spacing, const Vec3& normal);
+Underside underside(const Solid& solid, double spacing, const Vec3& normal = {0.0, 0.0, 1.0});
 
 // Samples of a row of the grid at (x, y) [m] and what is above them. `low`: height of the underside [m], infinity
 // beside it. `share`: of a sample's cell that what faces the ground covers. It is exact for rectangles along the grid.

@@ -103,7 +103,7 @@ class BodyInputs:
             for body in bodies:
                 session.require_not_simulated(body.name)
                 require_name(body.name)
-                require_between(f"radius of {body.name!r} (0 = the default)", self._radius(body), SIZES, "m")
+                require_between(f"radius of {body.name!r}", self._radius(body), SIZES, "m")
             self._set(topic, bodies, placed.time)
 
     def _follow(self, name: str, frame: str, pose: Transform, stamp: float | None, restarted: bool) -> None:
