@@ -67,3 +67,14 @@ def test_wheels_across_a_slope_sink_as_deep_as_on_level_ground(soil: str) -> Non
     level, across = np.array(found)
     assert across == pytest.approx(level, rel=0.4)
     assert across.mean() == pytest.approx(level.mean(), rel=0.15)
+
+
+def test_a_box_at_a_cliff_of_soil_stands_on_its_top() -> None:
+    """A fifth of it is beyond the edge. The cliff is no slope that it lies on."""
+    found = []
+    for depth in (0.0, 0.5):
+        with world_on("dry_sand", np.where(ALONG > 0.1, -depth, 0.0), sleep=False) as world:
+            world.spawn("box", Box(0.2, 0.2, 0.2), MASS, BodyState((2.02, 2.007, 0.1)))
+            world.step(480)
+            found.append(0.1 - world.state("box").position[2])
+    assert found[0] < found[1] < 3.0 * found[0]

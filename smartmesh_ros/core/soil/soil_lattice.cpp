@@ -5,6 +5,13 @@
 
 namespace smartmesh {
 
+namespace {
+
+// Steepest slope of soil, of 35 degrees; what is steeper is a step.
+constexpr double STEEPEST = 0.7;
+
+}  // namespace
+
 SoilLattice::SoilLattice(const HeightGrid& map, const Soils& soils, double spacing)
     : map_(map),
       soils_(soils),
@@ -90,8 +97,8 @@ double SoilLattice::highest(const CellRange& samples) const {
 }
 
 double SoilLattice::unpressed_at(double row, double column) const {
+  if (!(row >= 0.0 && column >= 0.0 && row <= rows() - 1 && column <= columns() - 1)) return NONE;
   const int r = static_cast<int>(std::lround(row)), c = static_cast<int>(std::lround(column));
-  if (r < 0 || c < 0 || r >= rows() || c >= columns()) return NONE;
   const FineSample* sample = find(r, c);
   return sample != nullptr ? sample->level : level_at(r, c);
 }
@@ -102,7 +109,10 @@ Vec3 SoilLattice::normal_around(const GridPoint& at, double x, double y) const {
         unpressed_at(at.row + rows, at.column + columns) - unpressed_at(at.row - rows, at.column - columns);
     return std::isnan(rise) ? 0.0 : rise / (2.0 * (rows + columns) * spacing());
   };
-  return unit({-slope(0.0, x / spacing()), -slope(y / spacing(), 0.0), 1.0});
+  Vec3 normal{-slope(0.0, x / spacing()), -slope(y / spacing(), 0.0), 1.0};
+  const double steepness = std::hypot(normal.x, normal.y);
+  if (steepness > STEEPEST) normal.x *= STEEPEST / steepness, normal.y *= STEEPEST / steepness;
+  return unit(normal);
 }
 
 FineSample& SoilLattice::at(int row, int column) {
