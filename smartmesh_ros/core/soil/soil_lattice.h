@@ -69,8 +69,8 @@ class SoilLattice {
   // Returns the highest of the map's samples around these, without the map's z [m]; -1e300 = holes alone.
   double highest(const CellRange& samples) const;
   // Returns the normal of the ground as it was never pressed, between distances along columns `x` and rows `y` [m] on
-  // both sides of a place, in axes of the grid, upwards; of steps that of the steepest slope. Holes and what is beside the
-  // map count as level.
+  // both sides of a place, in axes of the grid, upwards; of steps that of the steepest slope. Holes, and what is beside
+  // the map, count as level.
   Vec3 normal_around(const GridPoint& at, double x, double y) const;
   // Returns how far a fine sample is pressed below the map, which shows the means around its samples, and later [m].
   // `last`: as in `renew`, of loads that still press it.
