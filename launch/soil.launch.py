@@ -14,9 +14,7 @@ def soil(value: Values) -> dict[str, Any]:
 
 def rover(value: Values) -> list[Any]:
     """Return the rover if it is asked for."""
-    if not is_true(value, "rover"):
-        return []
-    return [own_node(value, "rover")]
+    return [own_node(value, "rover")] if is_true(value, "rover") else []
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -24,11 +24,11 @@ COMMAND_RATE = 4.0
 SHAPES = ("{shape: sphere, size: [0.25]", "{shape: box, size: [0.6, 0.4, 0.3]", "{shape: cylinder, size: [0.4, 0.25]")
 
 
-def messages(seconds: float) -> Iterator[tuple[str, float, Any]]:
+def messages() -> Iterator[tuple[str, float, Any]]:
     """Yield (topic, time [s], message) in the order of time."""
     scene = make_scene({**{spec.name: spec.default for spec in SPECS}, **SOURCE})
     rate = float(SOURCE["rate"])  # type: ignore[arg-type]
-    for number in range(math.floor(seconds * rate)):
+    for number in range(math.floor(SECONDS * rate)):
         time = START + number / rate
         message = map_of(scene.geometry, scene.heights(number / rate), stamp_of(time))
         yield "/terrain_collider/heightmap", time, message
@@ -47,7 +47,7 @@ def bodies() -> list[str]:
 
 def write(path: Path) -> Path:
     """Write a bag into a folder that does not exist yet; return the path of the parameter file."""
-    bags.write(path, messages(SECONDS))
+    bags.write(path, messages())
     file = path.with_suffix(".yaml")
     file.write_text(yaml.safe_dump({"/**": {"ros__parameters": {"bodies.spawn": bodies()}}}, width=200))
     print(f"wrote {path} and {file}")

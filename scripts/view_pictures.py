@@ -15,7 +15,7 @@ from playwright.sync_api import sync_playwright
 
 from scripts.browser import FLAGS, find_browser
 from smartmesh_ros.startup.dds import isolated_unless_chosen
-from smartmesh_ros.tools.client.remote import OUTPUTS, Remote, following
+from smartmesh_ros.tools.client.remote import OUTPUTS, following
 from smartmesh_ros.tools.demo.demo import ROBOT, Demo, demo_running
 from smartmesh_ros.tools.view.camera import Camera
 from smartmesh_ros.tools.view.page import Page
@@ -42,8 +42,8 @@ BEHIND, ABOVE, AHEAD = 5.0, 3.6, 2.5
 class Stage:
     """The demo, its page, and a browser that shows the page."""
 
-    def __init__(self, demo: Demo, remote: Remote, page: Page, opened: Any) -> None:
-        self.demo, self.remote, self.page, self.opened = demo, remote, page, opened
+    def __init__(self, demo: Demo, page: Page, opened: Any) -> None:
+        self.demo, self.remote, self.page, self.opened = demo, demo.remote, page, opened
 
     def run(self, seconds: float) -> None:
         """Run the demo for ``seconds`` [s] without showing it, because drawing takes processor time from the node."""
@@ -110,7 +110,7 @@ def stage(path: str) -> Iterator[Stage]:
         opened.goto(page.url)
         opened.add_style_tag(content="[role=alert] { display: none }")  # the warning of a missing graphics card
         with demo_running(remote) as demo:
-            yield Stage(demo, remote, page, opened)
+            yield Stage(demo, page, opened)
 
 
 def main() -> None:

@@ -3,11 +3,9 @@
 scripts/workspace run dev -- python scripts/write_parameters.py
 """
 
-from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 
-from smartmesh_ros.node.parameters.declaring import Spec
 from smartmesh_ros.node.parameters.helping import typed
 from smartmesh_ros.node.parameters.specifications import SPECS
 
@@ -18,10 +16,10 @@ or after `-p`. *fixed* parameters need a restart; `ros2 param set` changes all o
 """
 
 
-def parameter_page(specs: Sequence[Spec]) -> str:
+def parameter_page() -> str:
     """Return a Markdown page with one table of parameters per group (first part of the name)."""
     lines = [HEAD.rstrip()]
-    for group, members in groupby(specs, lambda spec: spec.name.partition(".")[0] if "." in spec.name else "others"):
+    for group, members in groupby(SPECS, lambda spec: spec.name.partition(".")[0] if "." in spec.name else "others"):
         lines += ["", f"## {group}", "", "| name | default | values | change | meaning |", "|---|---|---|---|---|"]
         for spec in members:
             values = ", ".join(f"`{choice}`" for choice in spec.choices) or spec.values
@@ -33,5 +31,5 @@ def parameter_page(specs: Sequence[Spec]) -> str:
 
 if __name__ == "__main__":
     page = Path(__file__).parent.parent / "docs" / "parameters.md"
-    page.write_text(parameter_page(SPECS))
+    page.write_text(parameter_page())
     print(f"wrote {page}")

@@ -32,11 +32,6 @@ def rviz(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def no_rviz(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("AMENT_PREFIX_PATH", get_package_prefix("smartmesh_ros"))
-
-
-@pytest.fixture
 def fleet(stand_ins: dict[str, type[Recorded]]) -> Launch:
     return Launch(FLEET, stand_ins)
 
@@ -133,8 +128,9 @@ def test_an_argument_that_means_nothing_ends_the_launch(
     assert fleet.declared["respawn"].kwargs["choices"] == ("elsewhere", "same")
 
 
-def test_without_rviz_nothing_is_started(launch: Launch, no_rviz: None) -> None:
+def test_without_rviz_nothing_is_started(launch: Launch, monkeypatch: pytest.MonkeyPatch) -> None:
     """ROS launch starts actions in their order and looks each executable up when its turn comes."""
+    monkeypatch.setenv("AMENT_PREFIX_PATH", get_package_prefix("smartmesh_ros"))
     with pytest.raises(FileNotFoundError, match="rviz2 is not installed: apt install ros-jazzy-rviz2"):
         launch.of("Node", rviz="true")
     assert launch.of("Node", rviz="false")

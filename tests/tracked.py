@@ -1,11 +1,8 @@
-"""Tracked machines on level and sloping ground."""
-
-import math
+"""Tracked machines."""
 
 from smartmesh_ros import BodyState, HeightMap, World
 from smartmesh_ros.scenes.tracks import robot_file
-from tests.bodies import yaw_of
-from tests.grounds import shaped, world_of
+from tests.grounds import world_of
 
 NAME = "machine"
 UNDERCARRIAGE = robot_file().read_text()
@@ -22,11 +19,6 @@ FLAT_TRACKS = BOXES.format(SIDE.format(name="left", y=0.4), SIDE.format(name="ri
 STANDING = 120  # steps until a machine stands
 
 
-def slope(degrees: float = 0.0, friction: float = 1.0) -> HeightMap:
-    """Ground that rises along x."""
-    return shaped(lambda x, y: math.tan(math.radians(degrees)) * x, 201, friction=friction)
-
-
 def standing(ground: HeightMap, urdf: str = UNDERCARRIAGE, *, friction: float = 1.0) -> World:
     world = world_of(ground, friction=friction, sleep=False)
     world.spawn_robot(NAME, urdf, BodyState((0.0, 0.0, 0.0)), on_ground=True, align=True)
@@ -37,13 +29,3 @@ def standing(ground: HeightMap, urdf: str = UNDERCARRIAGE, *, friction: float = 
 def drive(world: World, left: float, right: float) -> None:
     world.drive(NAME, "left_track", left)
     world.drive(NAME, "right_track", right)
-
-
-def speed(world: World) -> float:
-    """Velocity along x and uphill [m/s]."""
-    x, _, z = world.state(NAME).linear
-    return math.copysign(math.hypot(x, z), x)
-
-
-def yaw(world: World) -> float:
-    return yaw_of(world.state(NAME).orientation)

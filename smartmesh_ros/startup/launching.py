@@ -93,12 +93,14 @@ def within(outer: str, namespace: str) -> str:
 
 
 def _fleet_nodes(value: Values) -> list[Any]:
-    space, count = value("namespace"), _count(value, "nodes")
-    files = parameter_files([value("preset")], value("config"))
+    given = value("nodes").strip()
+    if not given.isdecimal() or not int(given):
+        raise ValueError(f"nodes:={value('nodes')} is no number of 1 or more")
+    space, count = value("namespace"), int(given)
+    files, topics = parameter_files([value("preset")], value("config")), fleet_layout.remappings(space)
     nodes = []
     for index in range(count):
         own, its_space = fleet_layout.parameters_of(index, count, space), fleet_layout.namespace_of(index, space)
-        topics = fleet_layout.remappings(space)
         nodes.append(own_node(value, NODE, *files, own, namespace=its_space, remappings=topics, respawn=True))
     front = {"nodes": fleet_layout.node_names(count, space), "spread": value("spread"), "respawn": value("respawn")}
     nodes.append(own_node(value, "fleet_front", front))
@@ -153,14 +155,6 @@ def is_true(value: Values, name: str) -> bool:
     if text not in (*TRUE, *FALSE):
         raise ValueError(f"{name}:={value(name)} is neither true nor false")
     return text in TRUE
-
-
-def _count(value: Values, name: str) -> int:
-    """Return the number that a launch argument gives. Raises `ValueError`, which ends the launch."""
-    text = value(name).strip()
-    if not text.isdecimal() or not int(text):
-        raise ValueError(f"{name}:={value(name)} is no number of 1 or more")
-    return int(text)
 
 
 def parameter_files(presets: Sequence[str], config: str) -> list[str]:

@@ -56,22 +56,17 @@ def environment() -> dict[str, str]:
     return kept
 
 
-def readme_block(beginning: str) -> list[str]:
-    """The lines of the README's one code block in which a line starts with ``beginning``, without comments."""
+def recipe_line(words: str) -> str:
+    """The one line that holds the words of the README's recipe for a workspace, without comments."""
     blocks = re.findall(r"```\w*\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
-    [block] = [block for block in blocks if re.search(f"^{re.escape(beginning)}", block, re.MULTILINE)]
-    return [line.partition("  #")[0].strip() for line in block.splitlines() if line.strip()]
-
-
-def line_with(words: str, lines: list[str]) -> str:
-    """The one line that holds the words."""
-    [line] = [line for line in lines if words in line]
+    [recipe] = [block for block in blocks if "\nln -s" in block]
+    [line] = [line for line in (line.partition("  #")[0].strip() for line in recipe.splitlines()) if words in line]
     return line
 
 
 def build_command() -> str:
     """The README's command that builds a workspace."""
-    return line_with("colcon", readme_block("ln -s")).partition(" && ")[0]
+    return recipe_line("colcon").partition(" && ")[0]
 
 
 def copy_of_this(folder: Path) -> None:
@@ -90,7 +85,7 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
     copy_of_this(folder / "src" / "smartmesh_ros")
     shutil.copytree(HERE / "my_robot", folder / "src" / "my_robot")
     made = Workspace(folder)
-    made.run(line_with("ln -s", readme_block("ln -s")), sourced=False)
+    made.run(recipe_line("ln -s"), sourced=False)
     return made
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from ament_index_python.packages import get_package_prefix
 
-from tests.newcomer.conftest import HERE, MESSAGES, ROOT, Workspace, build_command, line_with, readme_block
+from tests.newcomer.conftest import HERE, MESSAGES, ROOT, Workspace, build_command, recipe_line
 
 ROSDEP = f"""
 export ROS_DISTRO=jazzy ROS_PYTHON_VERSION=3 ROS_HOME=$PWD/ros_home ROSDEP_SOURCE_PATH=$PWD/rosdep_sources
@@ -28,7 +28,7 @@ def rosdep(workspace: Workspace, line: str) -> tuple[int, str]:
 
 
 def test_rosdep_finds_every_dependency_and_none_that_the_system_refuses(sources: Workspace) -> None:
-    code, words = rosdep(sources, line_with("rosdep", readme_block("ln -s")))
+    code, words = rosdep(sources, recipe_line("rosdep"))
     assert code == 0, words
     packages = set(re.findall(r"apt-get install -y (\S+)", words))
     optional = {"grid-map-msgs", "map-msgs", "simulation-interfaces", "tf2-msgs", "rviz2", "launch-ros"}
@@ -45,7 +45,7 @@ def test_without_the_link_both_folders_must_be_named(sources: Workspace, tmp_pat
     page = (ROOT / "docs" / "installing.md").read_text()
     [paths] = re.findall(r"`--from-paths (src src/\S+)`", page)
     assert re.findall(r"`--base-paths (src src/\S+)`", page) == [paths]
-    line = line_with("rosdep", readme_block("ln -s"))
+    line = recipe_line("rosdep")
     for folders, code, packages in (("src", 1, 2), (paths, 0, 3)):
         listed = unlinked.run(f"colcon list --names-only --base-paths {folders}", sourced=False).stdout.split()
         assert len(listed) == packages

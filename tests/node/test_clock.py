@@ -252,7 +252,7 @@ def test_an_overloaded_node_goes_on_by_its_policy(now: list[float]) -> None:
         assert node.node.pacer.misses > 0
 
 
-def test_a_source_begins_with_the_clock_and_shows_a_whole_map_when_it_goes_back(domain: int) -> None:
+def test_a_source_begins_with_the_clock_and_shows_a_whole_map_when_it_goes_back() -> None:
     """A rut as long as all years since 1970 would need 127 GiB."""
     with made_with(TerrainSource, {"scene": "rut", "mode": "regions", "use_sim_time": True}) as node:
         published = list[Any]()

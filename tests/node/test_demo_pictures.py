@@ -71,7 +71,7 @@ def test_the_demo_fails_when_one_of_its_nodes_ends(monkeypatch: pytest.MonkeyPat
         made.require_nodes()
 
 
-def test_a_rover_that_is_there_is_not_spawned_again(domain: int) -> None:
+def test_a_rover_that_is_there_is_not_spawned_again() -> None:
     """Also one of a run of the node that has ended; else the call is refused five times a second, for ever."""
     with made_with(Rover, {}) as node:
         node._steer(TrackedBodyArray(bodies=[TrackedBody(id="other")]))

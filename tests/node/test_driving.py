@@ -8,8 +8,9 @@ from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from smartmesh_msgs.srv import StepPhysics
 from std_srvs.srv import SetBool
 
-from smartmesh_ros import BodyState, Box, HeightMap
+from smartmesh_ros import BodyState, Box
 from tests import urdfs
+from tests.grounds import level
 from tests.node.shared import fed, on_level, seconds
 from tests.node.test_robot_outputs import buffer_of
 from tests.world.test_bases import HINGES, RACECAR, REAR, UNDERCARRIAGE
@@ -62,7 +63,7 @@ def test_commands_that_cannot_be_are_refused() -> None:
     with fed({**config, "frame_id": "map"}) as node:
         twist = Twist(linear=Vector3(x=0.5))
         node.require_refused("cmd_vel/digger", [("unknown_body", twist)])
-        node.world.terrain.put("", HeightMap(np.zeros((101, 101)), resolution=0.1, origin=(-5.0, -5.0)))
+        node.world.terrain.put("", level(101))
         node.world.spawn_robot("digger", UNDERCARRIAGE, BodyState(), on_ground=True)
         node.run(10)
         node.require_refused("cmd_vel/digger", [("non_finite", Twist(linear=Vector3(x=math.nan)))])

@@ -251,7 +251,7 @@ def test_markers_go_with_their_node(probe: Probe) -> None:
                 probe.wait_for(empty)
 
 
-def test_a_display_that_is_held_up_is_emptied_too(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_display_that_is_held_up_is_emptied_too(monkeypatch: pytest.MonkeyPatch) -> None:
     """The node ends while this process, which displays, is stopped for a second. (With a node that waits for half a
     second, the last message was lost in two of five runs.) Over UDP: a process that is stopped within a lock of the
     memory that Fast DDS shares may hear nothing for good."""

@@ -42,7 +42,7 @@ MALFORMED = [
 ]  # fmt: skip
 
 
-def test_one_line_tells_the_start_and_pybullet_says_nothing(domain: int) -> None:
+def test_one_line_tells_the_start_and_pybullet_says_nothing() -> None:
     """A robot whose links lack inertias has PyBullet warn; its build time and its command line it tells unasked. In a
     namespace of its own: a node of the same name that another test left behind would be warned of."""
     parameters = {"physics.rate": 120.0, "bodies.spawn": [f"{{id: husky, urdf: {HUSKY}, xyz: [0, 0, 1]}}"]}

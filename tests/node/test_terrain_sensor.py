@@ -1,7 +1,6 @@
 """The simulated lidar and depth camera over real DDS."""
 
 import math
-from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,7 +15,7 @@ from smartmesh_ros.node.outputs.cdr import doubles
 from smartmesh_ros.node.sensor.terrain_sensor import SPECS, TerrainSensor, directions_of
 from smartmesh_ros.tools.testing import Probe
 from tests.bodies import rotation
-from tests.node.shared import LATCHED, box, made_with, spawn
+from tests.node.shared import LATCHED, Logged, box, made_with, spawn
 from tests.node.test_ground_services import hills, publish_hills
 
 CAMERA = {"sensor": "depth_camera", "pitch": 0.6, "position": [0.1, 0.0, 1.5], "camera.columns": 40, "camera.rows": 30}
@@ -73,7 +72,7 @@ def test_a_lidar_on_a_body_sees_the_ground_and_not_its_body(shared: Probe) -> No
         shared.wait_for(on_the_hills)
 
 
-def test_noise_has_the_deviation_that_was_asked_for(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_noise_has_the_deviation_that_was_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     noise = {"noise.constant": 0.03, "noise.quadratic": 0.002, "position": [0.0, 0.0, 0.0]}
     with made_with(TerrainSensor, noise) as node:
         found: list[PointCloud2] = []
@@ -88,7 +87,7 @@ def test_noise_has_the_deviation_that_was_asked_for(domain: int, monkeypatch: py
 
 
 def test_a_refusal_of_looks_is_told_although_looks_are_left_out(
-    domain: int, monkeypatch: pytest.MonkeyPatch, logged: Callable[[], str]
+    monkeypatch: pytest.MonkeyPatch, logged: Logged
 ) -> None:
     monkeypatch.setattr("smartmesh_ros.node.sensor.terrain_sensor.GRACE", -1.0)
     refusal = CastRays.Response(success=False, message="no body is called 'nobody'")
@@ -135,7 +134,7 @@ def test_a_depth_camera_agrees_with_its_cloud(shared: Probe) -> None:
         ({"position": [1.0]}, "position has 1 numbers"),
     ],
 )
-def test_impossible_sensors_do_not_start(domain: int, parameters: dict[str, Any], words: str) -> None:
+def test_impossible_sensors_do_not_start(parameters: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words), made_with(TerrainSensor, parameters):
         pass
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from smartmesh_ros import HeightMap, Soil, World
 from smartmesh_ros.soil.config import SoilType, soil_named
 from studies.soil.trials import least, modulus_of
 from tests import legged
+from tests.soil.test_soil_world import world_on
 
 # Of the feet of "anymal" [m].
 RADIUS = 0.03
@@ -27,8 +27,7 @@ def foot_sinkage(soil: SoilType, radius: float, load: float) -> float:
 @pytest.mark.parametrize("soil", ["dry_sand", "lunar"])
 def test_a_quadruped_stands_still_on_feet_that_sink_as_the_law_says(soil: str) -> None:
     """Feet whose middles are below the ground of before are not lifted out of it."""
-    with World(HeightMap(np.zeros((101, 101)), resolution=0.04)) as world:
-        world.ground.set_soil(Soil(world.terrain, soil))
+    with world_on(soil) as world:
         body = legged.set_up(world, "anymal", 2.0, 2.0, 0.005)
         world.step(480)
         links = range(-1, world.client.getNumJoints(body.uid))

@@ -32,10 +32,10 @@ def ball(x: float, speed: float, mass: float = 1.0) -> Start:
     return Start(BALL, mass, x, speed, BALL.radius)
 
 
-def speeds_after(starts: list[list[Start]], late: int, physics: PhysicsConfig, ahead: int = 0) -> np.ndarray:
+def speeds_after(starts: list[list[Start]], late: int, ahead: int = 0) -> np.ndarray:
     """Velocities of all bodies along x after a second [m/s], as their owners have them. ``ahead``: steps by which the
     first world is before the others."""
-    with peers(starts, late, physics) as made:
+    with peers(starts, late, SMOOTH) as made:
         made.worlds[0].step(ahead)
         made.step(240)
         return np.array([made.state(f"b{index}").linear[0] for index in range(sum(map(len, starts)))])
@@ -50,10 +50,10 @@ def test_balls_of_several_worlds_part_as_those_of_one(impact: str, late: int, ah
         balls, off = [ball(-1.0, v, m), ball(0.8, w, n)], 0.01
     else:
         balls, off = [ball(-1.5, 2.0), *(ball(0.401 * place, 0.0) for place in range(3))], 0.025
-    together = speeds_after([balls], 0, SMOOTH)
+    together = speeds_after([balls], 0)
     speed = balls[0].speed - balls[-1].speed
     assert together[-1] - together[0] > 0.9 * speed  # they have bounced off each other
-    assert np.allclose(speeds_after([[one] for one in balls], late, SMOOTH, ahead), together, atol=off * speed)
+    assert np.allclose(speeds_after([[one] for one in balls], late, ahead), together, atol=off * speed)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -22,9 +22,10 @@ def facets() -> np.ndarray:
     return np.asarray(corners[triangles])
 
 
-def binary_stl(header: bytes = b"solid made by an exporter that begins like ASCII") -> bytes:
+def binary_stl() -> bytes:
     parts = [struct.pack("<12fH", 0, 0, 0, *f.ravel(), 0) for f in facets()]
-    return header.ljust(80) + struct.pack("<I", len(parts)) + b"".join(parts)
+    header = b"solid made by an exporter that begins like ASCII".ljust(80)
+    return header + struct.pack("<I", len(parts)) + b"".join(parts)
 
 
 def ascii_stl() -> bytes:

@@ -56,13 +56,13 @@ def lowest(world: World, name: str) -> float:
     return min(world.client.getAABB(body.uid, link)[0][2] for link in body.links)
 
 
-def sleep_all(world: World, seconds: int = 12) -> None:
-    for _ in range(4 * seconds):
+def sleep_all(world: World) -> None:
+    for _ in range(48):
         world.step(RATE // 4)
         if all(map(world.is_asleep, world.bodies)):
             return
     awake = [name for name in world.bodies if not world.is_asleep(name)]
-    raise AssertionError(f"awake after {seconds} s: {awake}")
+    raise AssertionError(f"awake after 12 s: {awake}")
 
 
 def require_still(world: World, steps: int = MINUTE) -> None:

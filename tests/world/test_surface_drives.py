@@ -15,8 +15,8 @@ from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.world.robots.prepared import prepare_robot
 from tests import urdfs
 from tests.bodies import about_y, put, run
-from tests.grounds import add, shaped, world_of
-from tests.tracked import NAME, UNDERCARRIAGE, drive, slope, speed, standing
+from tests.grounds import add, level, shaped, world_of
+from tests.tracked import NAME, UNDERCARRIAGE, drive, standing
 
 BLOCK = urdfs.robot(urdfs.link("box", urdfs.box((0.4, 0.3, 0.2)), 1.0, (0.4, 0.3, 0.2)))
 
@@ -42,16 +42,16 @@ def test_a_driven_surface_pulls_no_more_than_friction_allows(degrees: float, bod
 def test_a_command_beyond_the_limit_drives_at_the_limit_about_the_axis_of_the_frame_of_the_link() -> None:
     """Whose inertia has another frame."""
     turned = UNDERCARRIAGE.replace('<mass value="200"/>', '<origin rpy="0.3 0.2 1.2"/><mass value="200"/>')
-    with standing(slope(), turned) as world:
+    with standing(level(201), turned) as world:
         drive(world, 9.0, 9.0)
         world.step(600)
-        assert speed(world) == pytest.approx(1.5, rel=0.01)
+        assert world.state(NAME).linear[0] == pytest.approx(1.5, rel=0.01)
         told = [(found.name, found.speed, found.limit) for found in world.surfaces(NAME)]
         assert told == [("left_track", 1.5, 1.5), ("right_track", 1.5, 1.5)]
 
 
 def test_what_has_no_surface_on_the_ground_is_refused() -> None:
-    with standing(slope()) as world:
+    with standing(level(201)) as world:
         world.track("hand", 0.2, BodyState((5.0, 0.0, 0.2)))
         for name, link, speed_, axis, words in (
             ("nobody", "", 1.0, (0.0, 1.0, 0.0), "no body"),
@@ -104,7 +104,7 @@ def test_a_description_whose_surface_cannot_be_driven_is_refused(instead: str, w
 def ground(client: Any) -> Ground:
     """The ground of a PyBullet world of one's own, to which a box of 2 kg is attached."""
     put(client, Box(0.4, 0.4, 0.2), (0.0, 0.0, 0.1), 2.0)
-    made = Ground(client, slope())
+    made = Ground(client, level(201))
     made.attach(0)
     return made
 
@@ -122,7 +122,7 @@ def test_a_robot_whose_file_lost_a_link_or_joint_is_not_restored(tmp_path: Path,
     )
     file = tmp_path / "robot.urdf"
     file.write_text(urdf)
-    with standing(slope(), str(file)) as world:
+    with standing(level(201), str(file)) as world:
         drive(world, 0.5, 0.5)
         world.step(24)
         saved, before = world.snapshot(), world.state(NAME)
@@ -131,7 +131,7 @@ def test_a_robot_whose_file_lost_a_link_or_joint_is_not_restored(tmp_path: Path,
             world.restore(saved)
         assert world.state(NAME) == before
         world.step(240)
-        assert speed(world) == pytest.approx(0.5, rel=0.02)
+        assert world.state(NAME).linear[0] == pytest.approx(0.5, rel=0.02)
 
 
 def test_in_a_pybullet_world_of_ones_own(ground: Ground, client: Any) -> None:

@@ -12,12 +12,13 @@ from smartmesh_ros.scenes.tracks import ground as ramp
 from smartmesh_ros.soil.config import soil_named
 from smartmesh_ros.soil.soil import Soil
 from studies.soil.trials import least
-from tests.grounds import shaped
-from tests.tracked import FLAT_TRACKS, NAME, UNDERCARRIAGE, drive, slope, standing, yaw
+from tests.bodies import yaw_of
+from tests.grounds import level, shaped
+from tests.tracked import FLAT_TRACKS, NAME, UNDERCARRIAGE, drive, standing
 
 
 def test_on_ground_that_moves_back_as_fast_it_stays_in_place() -> None:
-    ground = slope()
+    ground = level(201)
     ground.slide((-0.5, 0.0), 100.0)
     with standing(ground) as world:
         drive(world, 0.5, 0.5)
@@ -117,12 +118,12 @@ def equilibrium(heading: float, belt: float) -> float:
 def test_flat_tracks_turn_at_the_equilibrium_of_friction(belt: float, friction: float) -> None:
     """At each heading as the solver's friction says. The equilibrium changes while the machine turns, and the rate lags
     behind it by its inertia: by a share of v^2 / mu, 1 % at 0.4 m/s and mu 1."""
-    with standing(slope(), FLAT_TRACKS, friction=friction) as world:
+    with standing(level(201), FLAT_TRACKS, friction=friction) as world:
         drive(world, -belt, belt)
         world.step(60)
         for _ in range(24):
             world.step(60)
-            expected = equilibrium(yaw(world), belt)
+            expected = equilibrium(yaw_of(world.state(NAME).orientation), belt)
             assert world.state(NAME).angular[2] == pytest.approx(expected, rel=0.08 * belt**2 / friction)
 
 

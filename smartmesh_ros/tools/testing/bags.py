@@ -60,10 +60,9 @@ def play(
     """
     require(rate > 0.0, "parameter", "the rate", rate, "a number above zero")
     records = list(read(path))
-    names = {**{record.topic: record.topic for record in records}, **(remap or {})}
     publishers = {
-        record.topic: node.create_publisher(class_of(record.type_name), names[record.topic], qos)
-        for record in {record.topic: record for record in records}.values()
+        topic: node.create_publisher(class_of(kind), (remap or {}).get(topic, topic), qos)
+        for topic, kind in {record.topic: record.type_name for record in records}.items()
     }
     try:
         end = monotonic() + timeout

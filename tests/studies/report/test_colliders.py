@@ -112,7 +112,6 @@ def test_the_collider_has_the_surface_that_sampling_gives(client: Any, yaw: floa
 @pytest.mark.parametrize("kind", ["heightfield", "trimesh", "hull", "prisms"])
 def test_a_patch_collides_with_its_own_body_only(client: Any, kind: PatchKind) -> None:
     """Also one that has the PyBullet id of an earlier one."""
-    client.setGravity(0, 0, -9.81)
     heightmap = HeightMap(np.zeros((50, 50)), resolution=0.1)
     other, *balls = (put(client, Sphere(0.1), (x, 2.0, 0.1)) for x in (1.75, 2.0, 2.25))
     ground = ReportGround(client, heightmap, ReportConfig(kind=kind, rings=3, rate=30.0))

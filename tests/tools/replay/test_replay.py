@@ -15,7 +15,6 @@ from geometry_msgs.msg import PoseArray, TransformStamped
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.serialization import deserialize_message, serialize_message
 from rosgraph_msgs.msg import Clock
-from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodyDescriptionArray
 from smartmesh_msgs.srv import SpawnBody
 from std_srvs.srv import SetBool
@@ -32,13 +31,13 @@ from smartmesh_ros.tools.replay.clock import ReplayClock
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.replay.transport import Log
 from smartmesh_ros.tools.testing import bags, heightmap_message, pose_message
-from tests.node.shared import Fed, made_with
+from tests.node.shared import BALL as SPHERE
+from tests.node.shared import Fed, made_with, seconds
 from tests.tools.replay.recordings import BEGIN, RECORDINGS, Message, X, digest_of, in_order
 
 ROOT = Path(__file__).parents[3]
 Make = Callable[..., Replay]
 BALL = "{id: ball, shape: sphere, size: [0.2], mass: 1.0, xy: [0, 0], clearance: 0.3}"
-SPHERE = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
 
 
 def level(time: float = 0.0, height: float = 0.0, **options: Any) -> Message:
@@ -100,7 +99,7 @@ def kept_of(replay: Make, name: str, *keep: str) -> Replay:
 
 def test_outputs_change_nothing_and_are_of_the_right_time(replay: Make) -> None:
     kept = kept_of(replay, "robot", "body_states", "timing", "contacts")
-    stamps = [one.header.stamp.sec + 1e-9 * one.header.stamp.nanosec for one in kept.received("body_states")]
+    stamps = [seconds(one.header.stamp) for one in kept.received("body_states")]
     assert np.diff(stamps) == pytest.approx(1.0 / 60.0, abs=1e-5)
     assert stamps[0] >= BEGIN and stamps[-1] <= BEGIN + kept.time
     assert kept.received("body_states")[-1].ahead == pytest.approx(1.0 / 240.0)

@@ -10,8 +10,6 @@ import numpy as np
 import psutil
 import pytest
 import yaml
-from rcl_interfaces.srv import GetParameters
-from rclpy.parameter import parameter_value_to_python
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.tools.replay.cli import INTERRUPTED
@@ -20,7 +18,7 @@ from smartmesh_ros.tools.tune import cli, grid
 from smartmesh_ros.tools.tune.case import open_case
 from smartmesh_ros.tools.tune.grid import KNOWN
 from smartmesh_ros.tools.tune.measuring import measure
-from tests.node.shared import wait_until
+from tests.node import shared
 from tests.preloaded import has_ended
 
 SCENE = {
@@ -71,9 +69,7 @@ def test_nodes_load_what_is_written(domain: int, tmp_path: Path, capfd: Any, mon
     assert values["bodies.spawn"] == given["bodies"]["spawn"] and values["bodies.default_radius"] == 0.3
     arguments = ["--ros-args", "--params-file", str(out / "small_tuned.yaml")]
     with Probe(namespace="tuned") as probe, probe.running(arguments=arguments) as process:
-        names = list(values)
-        found = probe.call("get_parameters", GetParameters, names=names).values
-        assert {name: parameter_value_to_python(value) for name, value in zip(names, found, strict=True)} == values
+        assert shared.values(probe, values) == values
         assert "[WARN" not in process.output and "[ERROR" not in process.output
     assert cli.main([*words, "--budget", "1e-6"]) == 1
     words = "Asked: cost at most 1e-06 of a core. NOT POSSIBLE: the nearest settings exceed the limits of cost."
@@ -134,8 +130,7 @@ def test_corrected_ground_is_the_one_that_the_node_shows(tmp_path: Path) -> None
     """Noisy maps of ground at rest: bodies stand on what is shown, which no single map is."""
     rng, path = np.random.default_rng(3), tmp_path / "bag"
     maps = [
-        heightmap_message(rng.normal(0.0, 0.02, (41, 41)), resolution=0.15, origin=(-3.0, -3.0) + (0.0,))
-        for _ in range(12)
+        heightmap_message(rng.normal(0.0, 0.02, (41, 41)), resolution=0.15, origin=(-3.0, -3.0, 0.0)) for _ in range(12)
     ]
     bags.write(path, [(MAP, 0.1 * k, message) for k, message in enumerate(maps)])
     case = open_case(
@@ -149,11 +144,11 @@ def test_a_signal_ends_the_search_and_its_processes(tmp_path: Path) -> None:
     with Process("tune", arguments=["flat", "--seconds", "1000", "--out", str(tmp_path)]) as search:
         started = psutil.Process(search.process.pid)
         # The tracker of resources, the server of forks, and what that makes.
-        wait_until(lambda: len(started.children(recursive=True)) > 2)
+        shared.wait_until(lambda: len(started.children(recursive=True)) > 2)
         children = started.children(recursive=True)
         search.process.send_signal(signal.SIGTERM)
         assert search.process.wait(TIMEOUT) == INTERRUPTED
-        wait_until(lambda: all(has_ended(child.pid) for child in children))
+        shared.wait_until(lambda: all(has_ended(child.pid) for child in children))
         assert "Traceback" not in search.output
 
 

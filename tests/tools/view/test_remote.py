@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from shape_msgs.msg import Mesh
 from smartmesh_msgs.msg import ColliderPatch, ColliderPatchArray, Heightmap, TrackedBodyArray
@@ -18,6 +17,7 @@ from smartmesh_msgs.msg import ColliderPatch, ColliderPatchArray, Heightmap, Tra
 from smartmesh_ros.tools.client import remote as remote_module
 from smartmesh_ros.tools.client.remote import Remote
 from smartmesh_ros.tools.testing import COLLIDER, Probe, Process, heightmap_message, mesh_message
+from tests.node.shared import LATCHED
 
 pytest.importorskip("viser", reason="viser is not installed; scripts/workspace run dev view")
 
@@ -109,8 +109,7 @@ def test_the_ground_of_a_run_that_is_over_is_forgotten(probe: Probe, remote: Rem
     """Unless it comes again, as a latched map does. A node that was killed is seen for a while beside the next."""
     maps, states = (f"{COLLIDER}/{topic}" for topic in ("heightmap", "body_states"))
     probe.node.destroy_publisher(probe.publishers.pop("heightmap"))
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    probe.node.create_publisher(Heightmap, maps, latched).publish(heightmap_message(np.zeros((4, 4))))
+    probe.node.create_publisher(Heightmap, maps, LATCHED).publish(heightmap_message(np.zeros((4, 4))))
     run = probe.node.create_publisher(TrackedBodyArray, states, 10)
     remote.watch(set())
 
