@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.startup.dds import isolated
@@ -79,4 +79,8 @@ else:
         from smartmesh_ros.tools.replay.replay import Replay  # imports PyBullet, which probes do not need
 
         with ExitStack() as ending:
-            yield lambda *given, **options: ending.enter_context(Replay(*given, **options))
+
+            def make(*arguments: Any, **options: Any) -> Replay:
+                return ending.enter_context(Replay(*arguments, **options))
+
+            yield make

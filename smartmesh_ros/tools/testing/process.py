@@ -70,8 +70,8 @@ def start_command(command: list[str], log: IO[bytes], environment: dict[str, str
 class Process:
     """A node in a child process whose output is recorded. A context manager.
 
-    The process ends with the block or by ``close()``, which kills it, at the latest with the Python process that
-    started it, on Linux even if that is killed.
+    The process ends with the block, at the latest with the Python process that started it, on Linux even if that is
+    killed.
     """
 
     # Starts a command with its output in a file, in an environment. A suite with many nodes may set another.
@@ -90,8 +90,8 @@ class Process:
     ) -> None:
         self.name = name
         command = [str(executable(name, package)), *arguments]
-        made = tempfile.TemporaryDirectory()
-        folder = Path(made.name)
+        self._folder = tempfile.TemporaryDirectory()
+        folder = Path(self._folder.name)
         if parameters:
             file = folder / "parameters.yaml"
             file.write_text(yaml.safe_dump({"/**": {"ros__parameters": parameters}}))
@@ -100,7 +100,7 @@ class Process:
         self._log = folder / "log.txt"
         with self._log.open("wb") as log:
             self.process = Process.starter(command, log, environment)
-        self.close = weakref.finalize(self, _end, self.process, made)
+        self._close = weakref.finalize(self, _end, self.process, self._folder)
 
     def __enter__(self) -> Process:
         return self
@@ -128,6 +128,10 @@ class Process:
             with suppress(subprocess.TimeoutExpired):
                 return self.process.wait(PATIENCE)
         raise subprocess.TimeoutExpired(self.name, TIMEOUT)
+
+    def close(self) -> None:
+        """Kill the process if it still runs, and remove its files."""
+        self._close()
 
 
 def assert_cannot_start(
