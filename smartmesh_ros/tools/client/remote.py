@@ -143,7 +143,7 @@ class Remote:
     @property
     def missing(self) -> str:
         """That there is no node of this name, and which ones there are; empty if there is."""
-        if self.runs:
+        if self.runs or self.tasks:  # the front of a fleet has diagnostics alone
             return ""
         domain = os.environ.get("ROS_DOMAIN_ID", "0")
         there = ", ".join(colliders(self.node)) or "none"
