@@ -172,8 +172,9 @@ def test_a_node_is_named_or_those_that_run_are(shared: Probe, remote: Remote) ->
         options = command.parser().parse_args(["pause"])
         with pytest.raises(InputError) as missing:
             options.act(other, options)
-    assert f"there is no node /terrain_collider in DDS domain {os.environ['ROS_DOMAIN_ID']}" in str(missing.value)
-    assert f"running: {shared.collider}" in str(missing.value)
+    words = f"no terrain_collider is named /terrain_collider in DDS domain {os.environ['ROS_DOMAIN_ID']} (ROS_DOMAIN_ID)"
+    assert str(missing.value).startswith("no service /terrain_collider/pause after 0.2 s; ")
+    assert str(missing.value).endswith(f"; {words}; running: {shared.collider}")
 
 
 def test_a_topic_that_is_misspelt_is_answered_by_the_one_that_may_be_meant(

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Point
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
@@ -103,21 +102,6 @@ def test_the_page_shows_the_parameters_of_the_node_that_runs_now(probe: Probe, r
         with Process("terrain_collider", {"physics.rate": rate}) as process:
             probe.wait_for(lambda rate=rate: rates() == [rate], watch=process)
             process.process.kill()
-
-
-def test_a_node_that_is_heard_is_not_called_missing(remote: Remote, probe: Probe) -> None:
-    """The front of a fleet has diagnostics, and no states of bodies."""
-    assert f"there is no node {COLLIDER} in DDS domain" in remote.missing
-    status = DiagnosticStatus(name=f"{COLLIDER.strip('/')}: nodes")
-    front = probe.node.create_publisher(DiagnosticArray, "/diagnostics", 10)
-
-    def heard() -> bool:
-        front.publish(DiagnosticArray(status=[status]))
-        remote.spin(0.05)
-        return bool(remote.tasks)
-
-    probe.wait_for(heard)
-    assert not remote.missing
 
 
 @pytest.mark.parametrize("killed", [False, True])
