@@ -172,7 +172,8 @@ def test_a_node_is_named_or_those_that_run_are(shared: Probe, remote: Remote) ->
         options = command.parser().parse_args(["pause"])
         with pytest.raises(InputError) as missing:
             options.act(other, options)
-    words = f"no terrain_collider is named /terrain_collider in DDS domain {os.environ['ROS_DOMAIN_ID']} (ROS_DOMAIN_ID)"
+    domain = os.environ["ROS_DOMAIN_ID"]
+    words = f"no terrain_collider is named /terrain_collider in DDS domain {domain} (ROS_DOMAIN_ID)"
     assert str(missing.value).startswith("no service /terrain_collider/pause after 0.2 s; ")
     assert str(missing.value).endswith(f"; {words}; running: {shared.collider}")
 
