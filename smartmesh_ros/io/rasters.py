@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.errors import InputError, require
+from smartmesh_ros.errors import InputError, as_float, require
 from smartmesh_ros.terrain.checked_heights import unmasked
 from smartmesh_ros.terrain.grid import GridGeometry, geometry_of
 from smartmesh_ros.terrain.material import MOST_SOILS, Material, require_layer
@@ -63,8 +63,10 @@ class RasterConfig:
 
     def __post_init__(self) -> None:
         for name in ("scale", "offset"):
-            require(math.isfinite(getattr(self, name)), "parameter", name, getattr(self, name), "a finite number")
-        good = len(self.origin) == 3 and all(map(math.isfinite, self.origin))
+            number = getattr(self, name)
+            require(math.isfinite(as_float(number)), "parameter", name, number, "a finite number")
+        require(self.first_row in get_args(FirstRow), "parameter", "first_row", self.first_row, "'top' or 'bottom'")
+        good = len(self.origin) == 3 and all(math.isfinite(as_float(number)) for number in self.origin)
         require(good, "parameter", "the origin", self.origin, "three finite numbers [m]")
         for entry in self.material_layers:
             require_layer(entry.split("=")[0])

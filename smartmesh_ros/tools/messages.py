@@ -44,9 +44,9 @@ def heightmap_message(
     layers: Mapping[str, ArrayLike] = MappingProxyType({}),
     stamp: Any = None,
 ) -> Heightmap:
-    """Return a Heightmap message from heights (rows, columns) [m], masked or NaN = a hole; ``friction``: one
-    coefficient, or those of the samples; ``soil``: places of soils (rows, columns); ``layers``: further ones of the
-    material, by name."""
+    """Return a Heightmap message from heights (rows, columns) [m], masked or NaN = a hole. ``origin`` [m]: x, y, z of
+    sample (0, 0), or x, y at z = 0; ``friction``: one coefficient, or those of the samples; ``soil``: places of soils
+    (rows, columns); ``layers``: further ones of the material, by name."""
     grid = unmasked(heights, "heights")
     require(grid.ndim == 2, "length", "the shape of heights", grid.shape, "(rows, columns)")
     message = Heightmap(tile=tile, heights=floats(grid))
@@ -54,8 +54,8 @@ def heightmap_message(
     if stamp is not None:
         message.header.stamp = stamp
     message.info.height, message.info.width = grid.shape
-    message.info.resolution = resolution
-    message.info.origin = pose_message(origin, yaw)
+    message.info.resolution = float(resolution)
+    message.info.origin = pose_message([*origin, 0.0][:3], yaw)
     if velocities is not None:
         message.velocities = floats(unmasked(velocities))
     if friction is not None:

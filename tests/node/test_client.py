@@ -110,6 +110,12 @@ def test_bodies_come_stay_and_go(shared: Probe, client: PatchClient) -> None:
     assert client.refused == 0
 
 
+def test_a_wait_for_patches_of_a_node_that_is_not_there_says_so() -> None:
+    words = r"no patch of \['wheel'\] after 0.1 s; nobody publishes /nobody/collider_patches; running nodes: "
+    with PatchClient("/nobody") as client, pytest.raises(TimeoutError, match=words):
+        client.wait_for(["wheel"], timeout=0.1)
+
+
 def test_changes_that_come_while_a_simulator_is_busy_are_kept(shared: Probe) -> None:
     """For half a second and more at 120 Hz, and each says what no other one does."""
     mesh = mesh_message(np.eye(3), [[0, 1, 2]]).mesh

@@ -120,7 +120,7 @@ def test_what_is_refused_is_told(shared: Probe, smartmesh: Command, tmp_path: Pa
     assert "physics is running" in refusal("step")
     assert "no parameter 'physics.rat'; did you mean 'physics.rate'?" in refusal("param", "physics.rat")
     assert "it must be" in refusal("param", "physics.rate", "-3")
-    for text in ("[", "{a: 1}", "2024-01-01", "[0, down]"):
+    for text in ("[", "{a: 1}", "2024-01-01", "2024-13-01", "[0, down]"):
         assert "write a number, a text, true, false, or a list of one of these" in refusal("param", "frame_id", text)
     assert "it must be of type float, 1 to 10000" in refusal("param", "physics.rate", "1" + 30 * "0")
     assert "put no option before run" in refusal("--timeout", "5", "run", "terrain_source")
@@ -172,8 +172,10 @@ def test_a_node_is_named_or_those_that_run_are(shared: Probe, remote: Remote) ->
         options = command.parser().parse_args(["pause"])
         with pytest.raises(InputError) as missing:
             options.act(other, options)
-    assert f"there is no node /terrain_collider in DDS domain {os.environ['ROS_DOMAIN_ID']}" in str(missing.value)
-    assert f"running: {shared.collider}" in str(missing.value)
+    domain = os.environ["ROS_DOMAIN_ID"]
+    words = f"no terrain_collider is named /terrain_collider in DDS domain {domain} (ROS_DOMAIN_ID)"
+    assert str(missing.value).startswith("no service /terrain_collider/pause after 0.2 s; ")
+    assert str(missing.value).endswith(f"; {words}; running: {shared.collider}")
 
 
 def test_a_topic_that_is_misspelt_is_answered_by_the_one_that_may_be_meant(

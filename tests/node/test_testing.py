@@ -12,10 +12,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import Point
 from sensor_msgs.msg import JointState
+from smartmesh_msgs.msg import TrackedBodyArray
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.startup.dds import in_use, isolated, isolated_unless_chosen, require_domain
 from smartmesh_ros.tools.client import PatchClient
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, assert_on_map, bags, heightmap_message
@@ -42,6 +45,13 @@ def test_a_process_ends_with_an_exception(executables: None) -> None:
     with pytest.raises(ValueError, match="of the test"), Process("terrain_source") as process:
         raise ValueError("of the test")
     assert process.process.poll() is not None
+
+
+def test_the_output_of_a_process_can_be_read_after_its_end(executables: None) -> None:
+    with Process("terrain_source", arguments=["--help"]) as process:
+        process.process.wait(TIMEOUT)
+    process.close()
+    assert "wave.amplitude" in process.output
 
 
 @pytest.mark.parametrize("package", ["smartmesh_ros", "no_such_package"])
@@ -172,10 +182,44 @@ def test_no_points_are_on_no_map() -> None:
         assert_on_map(np.empty((0, 3)), heightmap_message(np.zeros((3, 3))))
 
 
+def test_whole_numbers_and_places_on_the_plane_are_taken(probe: Probe) -> None:
+    """Without the check of fields ROS would make nonsense of a whole number."""
+    info = heightmap_message(np.zeros((3, 3)), resolution=1, origin=(-1, 2)).info
+    assert (info.resolution, info.origin.position) == (1.0, Point(x=-1.0, y=2.0))
+    heard = probe.listen("tracked_bodies", TrackedBodyArray)
+    probe.wait_for(lambda: probe.publish_bodies({"ball": (0, 0, 0)}, radius=1) or heard)
+    assert heard[0].bodies[0].radius == 1.0
+
+
+def test_a_parameter_that_no_file_can_hold_is_named(tmp_path: Path) -> None:
+    for value in (tmp_path, np.float64(1.0)):
+        with pytest.raises(InputError, match=r"csv is .*; it must be a number, a text, true"):
+            Process("terrain_source", {"rate": 1.0, "csv": value})
+
+
+def test_of_a_bag_that_cannot_be_written_nothing_is_left(tmp_path: Path) -> None:
+    level = heightmap_message(np.zeros((3, 3)))
+    for topic, time, message, storage, words in (
+        ("/maps", 0.2, "text", "mcap", "it must be a message"),
+        ("maps", 0.2, level, "mcap", "a name is 'maps'; it must be a full one"),
+        ("/maps", -0.2, level, "sqlite3", "the time of /maps is -0.2; it must be zero or more"),
+        ("/maps", 0.2, level, "db3", "the storage is 'db3'; it must be sqlite3 or mcap"),
+    ):
+        with pytest.raises(InputError, match=words):
+            bags.write(tmp_path / "bag", [("/maps", 0.1, level), (topic, time, message)], storage)
+        assert not (tmp_path / "bag").exists()
+
+
 def test_a_topic_of_a_bag_that_nobody_subscribes_to_is_named(probe: Probe, tmp_path: Path) -> None:
     bags.write(tmp_path / "bag", [("/maps", 0.0, heightmap_message([[0.0] * 3] * 3))])
     with pytest.raises(AssertionError, match=r"nobody subscribes to /maps after 0.5 s; remap renames topics"):
         bags.play(str(tmp_path / "bag"), probe.node, probe.spin, timeout=0.5)
+
+
+def test_a_bag_with_calls_is_not_played(probe: Probe, tmp_path: Path) -> None:
+    bags.write(tmp_path / "bag", [("/terrain_collider/pause", 0.0, SetBool.Request(data=True))])
+    with pytest.raises(InputError, match="has calls, on /terrain_collider/pause/_service_event: a replay makes them"):
+        bags.play(tmp_path / "bag", probe.node, probe.spin, timeout=0.5)
 
 
 def test_a_domain_that_somebody_is_in_is_left_alone() -> None:

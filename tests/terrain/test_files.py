@@ -82,6 +82,19 @@ def write_tiff(
     return path
 
 
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"first_row": "botom"}, "first_row is 'botom'; it must be 'top' or 'bottom'"),
+        ({"scale": "2"}, "scale is '2'; it must be a finite number"),
+        ({"origin": "abc"}, "the origin is 'abc'; it must be three finite numbers"),
+    ],
+)
+def test_a_configuration_that_means_nothing_is_refused(wrong: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        RasterConfig(**wrong)
+
+
 UTM, FEET, SURVEY = "EPSG:32633", 0.3048, 1200 / 3937  # [m]
 
 

@@ -18,7 +18,7 @@ def parameter_from(name: str, text: str) -> Parameter:
         elif type(value) is int and abs(value) >= 2**63:  # ROS has no larger whole numbers
             value = float(value)
         return Parameter(name, value=value)
-    except (yaml.YAMLError, TypeError, OverflowError):
+    except (yaml.YAMLError, TypeError, ValueError, OverflowError):  # ValueError: of a date that no calendar has
         raise InputError(
             "parameter", f"{name} cannot be {text!r}; write a number, a text, true, false, or a list of one of these"
         ) from None

@@ -21,6 +21,7 @@ from smartmesh_msgs.msg import ColliderPatchArray, TrackedBody, TrackedBodyArray
 
 from smartmesh_ros.errors import InputError, require, require_body_name
 from smartmesh_ros.ground.state import Vector
+from smartmesh_ros.node.transport import colliders
 from smartmesh_ros.tools.client.patch import Patch, read_patches
 from smartmesh_ros.tools.messages import DEPTH
 
@@ -107,7 +108,10 @@ class PatchClient:
         wanted, end = set(names), monotonic() + timeout
         while not wanted <= self.patches().keys():
             if monotonic() > end:
-                raise TimeoutError(f"no patch of {sorted(wanted - self.patches().keys())} after {timeout:g} s")
+                there = ", ".join(colliders(self.node)) or "none"
+                alone = f"; nobody publishes {self._subscription.topic_name}; running nodes: {there}"
+                missing = f"no patch of {sorted(wanted - self.patches().keys())} after {timeout:g} s"
+                raise TimeoutError(missing + alone * (not self.connected))
             self.spin_once(0.02)
         return self.patches()
 

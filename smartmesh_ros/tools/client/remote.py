@@ -142,19 +142,20 @@ class Remote:
 
     @property
     def missing(self) -> str:
-        """That there is no node of this name, and which ones there are; empty if there is."""
+        """That no collider has this name, and which ones there are; empty if one has."""
         if self.runs:
             return ""
         domain = os.environ.get("ROS_DOMAIN_ID", "0")
         there = ", ".join(colliders(self.node)) or "none"
-        return f"there is no node {self.name} in DDS domain {domain} (ROS_DOMAIN_ID); running: {there}"
+        return f"no terrain_collider is named {self.name} in DDS domain {domain} (ROS_DOMAIN_ID); running: {there}"
 
     def wait_for(self, condition: Callable[[], Any], what: str) -> Any:
         """Return a condition's value once it is true. Raises `InputError` after the remote's ``patience``."""
         end = monotonic() + self._patience
         while not (found := condition()):
             if monotonic() > end:
-                raise InputError("timeout", self.missing or f"no {what} after {self._patience:g} s")
+                words = filter(None, (f"no {what} after {self._patience:g} s", self.missing))
+                raise InputError("timeout", "; ".join(words))
             self.spin(0.02)
         return found
 

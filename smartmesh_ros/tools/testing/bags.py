@@ -5,17 +5,18 @@ Bags are sqlite3 or MCAP and hold the CDR bytes that ROS itself serializes; ``ro
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from time import monotonic
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from rclpy.node import Node
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from smartmesh_ros.errors import InputError, require
 from smartmesh_ros.node.inputs.optional_messages import class_of
-from smartmesh_ros.tools.replay.bag import Bag, Record, recorded
+from smartmesh_ros.tools.replay.bag import EVENTS, Bag, Record, recorded
 from smartmesh_ros.tools.replay.mcap_file import VERSION, add_topic
 from smartmesh_ros.tools.testing.process import TIMEOUT
 
@@ -24,16 +25,24 @@ Storage = Literal["sqlite3", "mcap"]
 
 def write(path: str | Path, messages: Iterable[tuple[str, float, Any]], storage: Storage = "mcap") -> None:
     """Write (topic, time [s], message) to a new bag, the folder ``path``; for (service, time [s], request) the event of
-    the call. Raises `InputError` if there is a file or folder ``path``."""
+    the call. Names are full. Raises `InputError`, and leaves nothing behind, if there is a file or folder ``path``, or
+    what is given cannot be recorded."""
+    require(storage in get_args(Storage), "parameter", "the storage", storage, " or ".join(get_args(Storage)))
     if Path(path).exists():
         raise InputError("file", f"{path} is there, and a bag is a new folder; name another one, or remove it")
     connections: dict[tuple[str, str], Any] = {}
-    with Writer(path, version=VERSION, storage_plugin=StoragePlugin[storage.upper()]) as writer:
-        for record in (recorded(*message) for message in messages):
-            key = record.topic, record.type_name
-            if key not in connections:
-                connections[key] = add_topic(writer, *key, [])
-            writer.write(connections[key], round(record.time * 1e9), record.data)
+    try:
+        with Writer(path, version=VERSION, storage_plugin=StoragePlugin[storage.upper()]) as writer:
+            for record in (recorded(*message) for message in messages):
+                key = record.topic, record.type_name
+                require(key[0].startswith("/"), "topic", "a name", key[0], "a full one, which begins with '/'")
+                require(record.time >= 0.0, "time", f"the time of {key[0]}", record.time, "zero or more")
+                if key not in connections:
+                    connections[key] = add_topic(writer, *key, [])
+                writer.write(connections[key], round(record.time * 1e9), record.data)
+    except BaseException:
+        shutil.rmtree(path, ignore_errors=True)
+        raise
 
 
 def read(path: str | Path) -> Iterator[Record]:
@@ -56,10 +65,12 @@ def play(
 
     ``spin`` is called with the time to wait [s], like `Probe.spin`. ``remap``: new names by recorded topic. Publishing
     starts when every topic has a subscriber. Raises `AssertionError` if one has none after ``timeout`` [s], and
-    `InputError` for a ``rate`` that is not above zero.
+    `InputError` for a ``rate`` that is not above zero, and for a bag with calls.
     """
     require(rate > 0.0, "parameter", "the rate", rate, "a number above zero")
     records = list(read(path))
+    if calls := sorted({record.topic for record in records if record.topic.endswith(EVENTS)}):
+        raise InputError("topic", f"{path} has calls, on {', '.join(calls)}: a replay makes them, play none")
     publishers = {
         topic: node.create_publisher(class_of(kind), (remap or {}).get(topic, topic), qos)
         for topic, kind in {record.topic: record.type_name for record in records}.items()

@@ -257,7 +257,7 @@ class Probe:
 
     def publish_bodies(self, bodies: dict[str, Sequence[float]], radius: float = 0.0, frame_id: str = "") -> None:
         """Publish tracked bodies by name and position [m], in a frame, else in the terrain's."""
-        tracked = [msg.TrackedBody(id=name, pose=pose_message(at), radius=radius) for name, at in bodies.items()]
+        tracked = [msg.TrackedBody(id=name, pose=pose_message(at), radius=float(radius)) for name, at in bodies.items()]
         message = msg.TrackedBodyArray(bodies=tracked)
         message.header.stamp, message.header.frame_id = self.now(), frame_id
         self.publishers["tracked_bodies"].publish(message)

@@ -18,6 +18,8 @@ from typing import IO, Any, ClassVar
 import yaml
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
+from smartmesh_ros.errors import InputError
+
 # Default limit of waits [s], far longer than an idle machine needs.
 TIMEOUT = 120.0
 # Limit of a collider's start [s], for busy machines.
@@ -90,11 +92,12 @@ class Process:
     ) -> None:
         self.name = name
         command = [str(executable(name, package)), *arguments]
+        text = _parameter_file(parameters or {})
         self._folder = tempfile.TemporaryDirectory()
         folder = Path(self._folder.name)
         if parameters:
             file = folder / "parameters.yaml"
-            file.write_text(yaml.safe_dump({"/**": {"ros__parameters": parameters}}))
+            file.write_text(text)
             command += ["--ros-args", "--params-file", str(file)]
         environment = {**os.environ, **(environment or {})}
         self._log = folder / "log.txt"
@@ -113,8 +116,8 @@ class Process:
 
     @property
     def output(self) -> str:
-        """The output of the process so far."""
-        return self._log.read_text(errors="replace")
+        """The output of the process so far, also after its end."""
+        return self._log.read_text(errors="replace") if self._close.alive else self._output
 
     def stop(self, number: int = signal.SIGINT) -> int:
         """Send a signal, wait for the end and return the exit code.
@@ -131,6 +134,7 @@ class Process:
 
     def close(self) -> None:
         """Kill the process if it still runs, and remove its files."""
+        self._output = self.output
         self._close()
 
 
@@ -142,6 +146,17 @@ def assert_cannot_start(
         assert process.process.wait(TIMEOUT) == 2, process.output
         assert words in process.output, process.output
         assert "Traceback" not in process.output, process.output
+
+
+def _parameter_file(parameters: dict[str, Any]) -> str:
+    """Return the text of a parameter file. Raises `InputError` if YAML has no such value."""
+    for name, value in parameters.items():
+        try:
+            yaml.safe_dump(value)
+        except yaml.YAMLError:
+            wanted = "a number, a text, true, false, or a list of one of these, of the types of Python itself"
+            raise InputError("parameter", f"{name} is {value!r}; it must be {wanted}") from None
+    return str(yaml.safe_dump({"/**": {"ros__parameters": parameters}}))
 
 
 def _end(process: subprocess.Popen[bytes], folder: tempfile.TemporaryDirectory[str]) -> None:

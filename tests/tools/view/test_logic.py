@@ -82,7 +82,7 @@ def test_a_small_number_has_the_digits_that_show_it(server: Any) -> None:
 def test_a_text_that_is_no_list_is_refused_with_an_example() -> None:
     knob = knobs()["physics.gravity"]
     assert list(parameter_of(knob, "[0, 0, -1]").value) == [0.0, 0.0, -1.0]
-    for wrong in ("", "0, 0", "[0, 0", "{a: 1}", "[0, down]", "[[0], 0]"):
+    for wrong in ("", "0, 0", "[0, 0", "{a: 1}", "[0, down]", "[[0], 0]", "[2024-13-01]"):
         with pytest.raises(InputError, match=r"must be a list, such as \[0.0, 0.0, -9.81\]"):
             parameter_of(knob, wrong)
     assert shown_value([0.0, 1.0]) == "[0.0, 1.0]"
