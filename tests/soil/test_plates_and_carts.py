@@ -3,9 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
+import pybullet as pb
 import pytest
 
-from smartmesh_ros import BodyState, Box, HeightMap, InputError, Soil, SoilType, Sphere, World
+from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, InputError, Soil, SoilType, Sphere, World
 from smartmesh_ros.soil.config import soil_named
 from studies.soil.trials import Wheel, free_slip, modulus_of, plate_sinkage, undamped, wheel_forces
 from studies.soil.vehicles import BELOW, WARTHOG, Cart, drive, roll, set_down
@@ -63,6 +64,36 @@ def test_heavy_machines_that_are_set_down_sink_as_deep_as_the_soil_carries_them(
     for support in found.values():
         less, more = (carried(known, cart.wheel, share * support.sinkage) for share in (0.95, 1.05))
         assert less < cart.wheel.load < more
+
+
+def test_a_post_on_its_end_comes_to_bekkers_depth_with_its_radius_as_the_width() -> None:
+    with World(HeightMap(FLAT, resolution=0.04)) as world:
+        world.ground.set_soil(Soil(world.terrain, "clay"))
+        world.spawn("post", Cylinder(radius=0.1, height=0.3), 200.0, BodyState((2.003, 2.007, 0.15)))
+        world.step(480)
+        wanted = plate_sinkage(soil_named("clay"), 0.1, 200.0 * 9.81 / (np.pi * 0.01))
+        assert world.ground.on_soil()["post"].sinkage == pytest.approx(wanted, rel=0.05)
+
+
+@pytest.mark.parametrize(("length", "width"), [(1.2, 0.15), (0.15, 1.2)])
+def test_a_belt_shears_the_soil_along_its_own_length(length: float, width: float) -> None:
+    """With a slip i, a belt of a length L does so by i L / 2 in the mean; here it pulls half of the strength."""
+    known, speed, mass = soil_named("lete_sand"), 0.2, 80.0
+    strength = length * width * known.Mohr_cohesion + mass * 9.81 * np.tan(np.radians(known.Mohr_friction))
+    with World(HeightMap(np.zeros((76, 101)), resolution=0.04)) as world:
+        world.ground.set_soil(Soil(world.terrain, known))
+        world.spawn("belt", Box(length, width, 0.1), mass, BodyState((1.0, 1.503, 0.05)))
+        world.drive_surface("belt", "", speed)
+        places = []
+        for step in range(1200):
+            x, y, z = world.state("belt").position
+            pull = 0.5 * strength * min(step / 480.0, 1.0)
+            uid, at = world.bodies["belt"].uid, (x, y, z - 0.05)
+            world.client.applyExternalForce(uid, -1, (-pull, 0.0, 0.0), at, pb.WORLD_FRAME)
+            world.step()
+            places.append(x)
+    slip = 1.0 - (places[-1] - places[-481]) / (speed * 2.0)
+    assert slip == pytest.approx(2.0 * known.Janosi_shear / length * np.log(2.0), rel=0.15)
 
 
 def test_a_body_that_falls_onto_the_soil_is_not_set_down() -> None:

@@ -13,7 +13,7 @@ import pytest
 from smartmesh_ros import BodyState, HeightMap, InputError, Material, MotionConfig, Soil, SoilType, World
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.soil.config import soil_named, soils_of
-from tests.bodies import about_z
+from tests.bodies import LYING, UPRIGHT, Turn, about_z
 from tests.grounds import level, moving, world_of
 
 FLAT = np.zeros((101, 101))
@@ -81,6 +81,31 @@ def test_a_sliding_box_is_held_by_the_shear_strength() -> None:
         else:
             assert 0.0 < first < 0.03
             assert more + last < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("shape", "turn", "arm", "inertia"),
+    [
+        (Box(0.3, 0.3, 0.1), UPRIGHT, 0.115, 0.015),
+        (Cylinder(radius=0.15, height=0.1), UPRIGHT, 0.1, 0.01125),
+        (Cylinder(radius=0.1, height=0.6), LYING, 0.15, 0.0325),
+    ],
+)
+def test_what_spins_in_place_is_stopped_by_the_shear_strength(
+    shape: Shape, turn: Turn, arm: float, inertia: float
+) -> None:
+    """At a mean distance ``arm`` from its middle [m]; ``inertia``: over the mass [m^2]."""
+    with world_on("dry_sand") as world:
+        world.spawn("body", shape, 20.0, BodyState((2.003, 2.007, 0.0), turn), on_ground=True)
+        world.step(120)
+        world.client.resetBaseVelocity(world.body("body").uid, (0.0, 0.0, 0.0), (0.0, 0.0, 10.0))
+        known, area = soil_named("dry_sand"), world.ground.on_soil()["body"].area
+        strength = known.Mohr_cohesion * area + 20.0 * 9.81 * math.tan(math.radians(known.Mohr_friction))
+        slowing = strength * arm / (20.0 * inertia)
+        world.step(round(0.5 * 10.0 / slowing / world.dt))
+        assert 4.0 < world.state("body").angular[2] < 7.0
+        world.step(round(0.8 * 10.0 / slowing / world.dt))
+        assert world.state("body").angular == pytest.approx((0.0, 0.0, 0.0), abs=0.1)
 
 
 def test_what_sleeps_on_hard_soil_sinks_when_soft_soil_lies_there() -> None:

@@ -53,3 +53,17 @@ def test_undersides_are_where_rays_from_below_meet_the_shape_and_normals_stand_o
     for errors in slopes.values():
         assert len(errors) > 200
         assert np.median(errors) < 1e-12  # against 1e-7; edges between two faces are left out by the median
+
+
+@pytest.mark.parametrize("lean", [0.3, 0.72, 0.87, 0.92, 1.2])
+def test_how_far_a_leaning_cylinder_is_turned_about_its_own_axis_changes_nothing(lean: float) -> None:
+    xy = np.stack(np.meshgrid(*[np.linspace(-0.3, 0.3, 31)] * 2), axis=-1).reshape(-1, 2)
+    found = []
+    for spin in (0.0, 0.4, 0.25 * math.pi):
+        turn = pb.multiplyTransforms(
+            (0, 0, 0), pb.getQuaternionFromEuler((lean, 0, 0)), (0, 0, 0), pb.getQuaternionFromEuler((0, 0, spin))
+        )[1]
+        table = CORE.shape_above_grid(BodyShape.cylinder(0.15, 0.2, orientation=turn), xy, 0.02)[0]
+        found.append(table[np.isfinite(table[:, 0])][:, [0, 4]])  # heights and shares
+    for other in found[1:]:
+        assert other == pytest.approx(found[0], abs=1e-5)

@@ -198,7 +198,8 @@ bool SoilUnderBody::find_quarters(const PlacedPart& placed, const ShearedRim& ri
     quarter.force = quarter.force + under.normal * force;
     quarter.place = quarter.place + under.offset * force;
     quarter.weight += force;
-    quarter.shear += area * shear_at(under.pressure, rim.at(then, placed.to_world(under.offset)), *under.soil);
+    const double sheared = rim.at(then, placed.to_world(under.offset), std::hypot(u, v));
+    quarter.shear += area * shear_at(under.pressure, sheared, *under.soil);
   }
   for (Quarter& quarter : quarters)
     if (quarter.weight > 0.0) quarter.normal = unit(quarter.force);

@@ -13,19 +13,20 @@ constexpr double STILL = 1e-4;
 
 }  // namespace
 
-double ShearedRim::at(const Solid& solid, const Vec3& offset) const {
+double ShearedRim::at(const Solid& solid, const Vec3& offset, double away) const {
   if (slides_.empty()) return 0.0;
   std::size_t place = 0;
   if (lies_) {
     const Vec3 own = solid.axes * offset;
     place = static_cast<std::size_t>((std::atan2(own.y, own.x) / TURN + 1.0) * PLACES) % PLACES;
   }
-  return slides_[place].length;
+  const Slide& slide = slides_[place];
+  return std::sqrt(slide.around * slide.around + slide.along * slide.along + slide.turned * slide.turned * away * away);
 }
 
 void ShearedRim::write(std::vector<double>& numbers) const {
   numbers.insert(numbers.end(), {static_cast<double>(lies_), slip_});
-  for (const Slide& slide : slides_) numbers.insert(numbers.end(), {slide.around, slide.along, slide.length});
+  for (const Slide& slide : slides_) numbers.insert(numbers.end(), {slide.around, slide.along, slide.turned});
 }
 
 bool ShearedRim::read(const double* numbers, std::size_t count) {
@@ -61,13 +62,19 @@ void ShearedRim::slide_all(const MovingSolid& moving, const PointsInSoil& points
   const Vec3 u = unit(cross(points.grid, normal));
   slides_[0].around += dot(velocity, u) * dt;
   slides_[0].along += dot(velocity, cross(normal, u)) * dt;
+  slides_[0].turned += dot(moving.angular, normal) * dt;
   const bool is_ball = moving.solid.shape->kind == ShapeKind::Ball;
-  const double speed =
-      is_ball ? norm(cross(moving.angular, normal)) * moving.solid.shape->rounding : norm(moving.surface);
+  const Vec3 passing = is_ball ? cross(moving.angular, normal) * moving.solid.shape->rounding : moving.surface;
+  const double speed = norm(passing);
+  if (!(speed > 0.0)) return;
+  const Vec3 across = cross(normal, passing * (1.0 / speed));
+  double left = INFINITE, right = -INFINITE;
+  for (const Vec3& offset : points.offsets)
+    left = std::min(left, dot(offset, across)), right = std::max(right, dot(offset, across));
+  const double length = count * points.spacing * points.spacing / (right - left + points.spacing);
   // The mean displacement of a surface that shears the soil from the edge of the contact on is half that at its end.
-  const double left = std::exp(-2.0 * speed * dt / (std::sqrt(count) * points.spacing));
-  slides_[0].around *= left, slides_[0].along *= left;
-  slides_[0].length = std::hypot(slides_[0].around, slides_[0].along);
+  const double stays = std::exp(-2.0 * speed * dt / length);
+  slides_[0].around *= stays, slides_[0].along *= stays, slides_[0].turned *= stays;
 }
 
 void ShearedRim::slide_places(const MovingSolid& moving, const PointsInSoil& points, double dt) {
@@ -93,7 +100,7 @@ void ShearedRim::slide_places(const MovingSolid& moving, const PointsInSoil& poi
     const Vec3 velocity = moving.linear + cross(moving.angular, out * radius) + moving.surface;
     slides_[k].around += dot(velocity, cross(axis, out)) * dt;
     slides_[k].along += dot(velocity, axis) * dt;
-    slides_[k].length = std::hypot(slides_[k].around, slides_[k].along);
+    slides_[k].turned += dot(moving.angular, out) * dt;
   }
   const double rolling = -dot(moving.angular, axis) * radius;  // speed of the wheel without slip
   if (std::abs(rolling) < STILL) return;

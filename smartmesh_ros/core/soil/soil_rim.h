@@ -26,11 +26,13 @@ struct PointsInSoil {
 // Shear displacement of the soil along the surface of a part. After Wong and Reece (1967), a place of a wheel's rim
 // shears the soil for as long as it takes to pass the contact: so a lying cylinder or capsule has a displacement for
 // each place of its rim. Other shapes have one for all their points; that of balls and tracks passes the contact at the
-// speed of the surface.
+// speed of the surface. A displacement is that at the middle of the contact, and an angle by which the surface turned
+// there: away from the middle, that shears the soil too.
 class ShearedRim {
  public:
-  // Returns the displacement at a point, relative to the middle of the part [m].
-  double at(const Solid& solid, const Vec3& offset) const;
+  // Returns the displacement at a point, relative to the middle of the part [m]. `away`: from the middle of the contact
+  // [m].
+  double at(const Solid& solid, const Vec3& offset, double away) const;
   // Share of the rim's speed that is lost, over the way through the contact, 0 to 1; zero for shapes that do not roll.
   double slip() const { return slip_; }
 
@@ -43,8 +45,9 @@ class ShearedRim {
   bool read(const double* numbers, std::size_t count);
 
  private:
+  // [m], [rad]
   struct Slide {
-    double around = 0.0, along = 0.0, length = 0.0;
+    double around = 0.0, along = 0.0, turned = 0.0;
   };
   static constexpr int PLACES = 256;
 

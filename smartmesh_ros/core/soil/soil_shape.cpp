@@ -10,11 +10,16 @@ constexpr double STANDS = 0.7;
 // Slope below which a face counts as vertical.
 constexpr double LEVEL = 1e-9;
 
-int nearest_to(const Vec3& normal, const Vec3 (&axis)[3]) {
-  const double x = std::abs(dot(axis[0], normal)), y = std::abs(dot(axis[1], normal)),
-               z = std::abs(dot(axis[2], normal));
-  if (z >= x && z >= y) return 2;
-  return x >= y ? 0 : 1;
+// Returns how much the faces across each axis face the ground: as they do its normal, and as they look down. A face
+// that does but one of these is no sole. The sum of all three is the vertical component of the normal.
+Vec3 facing(const Vec3& normal, const Vec3 (&axis)[3]) {
+  return {dot(normal, axis[0]) * axis[0].z, dot(normal, axis[1]) * axis[1].z, dot(normal, axis[2]) * axis[2].z};
+}
+
+// Returns the axis whose face is on the ground; a cylinder stands on its flat end if that faces it more than its rim.
+int sole_of(ShapeKind kind, const Vec3& faces, double all) {
+  if (kind == ShapeKind::Cylinder ? 2.0 * faces.z >= all : faces.z >= faces.x && faces.z >= faces.y) return 2;
+  return faces.x >= faces.y ? 0 : 1;
 }
 
 // By value, so that loops over rows become instructions on two numbers.
@@ -95,7 +100,9 @@ void cover_along(const Underside& shape, int axis, UndersideRow& row) {
 
 Underside underside(const Solid& solid, double spacing, const Vec3& normal) {
   const Shape& own = *solid.shape;
-  Underside shape{solid, own.kind, {own.half.x, own.half.y, own.half.z}, spacing, nearest_to(normal, solid.axes.row)};
+  const Vec3 faces = facing(normal, solid.axes.row);
+  const int sole = sole_of(own.kind, faces, normal.z);
+  Underside shape{solid, own.kind, {own.half.x, own.half.y, own.half.z}, spacing, sole};
   const bool is_cylinder = own.kind == ShapeKind::Cylinder, stands = shape.upright == 2;
   for (int k = 0; k < 3; ++k) {
     const Vec3& axis = shape.axis(k);
@@ -109,14 +116,14 @@ Underside underside(const Solid& solid, double spacing, const Vec3& normal) {
   Vec3 down = shape.axis(shape.upright) * std::copysign(1.0, -dot(normal, shape.axis(shape.upright)));
   if (is_cylinder && !stands) down = unit(dot(normal, shape.axis(2)) * shape.axis(2) - normal);
   shape.lowest = down * shape.half[is_cylinder && !stands ? 0 : shape.upright];
+  const double below = is_cylinder && !stands ? normal.z - faces.z : component(faces, shape.upright);
   for (int k = 0; k < 3; ++k) {
     const Vec3& axis = shape.axis(k);
     const double level = std::sqrt(axis.x * axis.x + axis.y * axis.y), half = shape.half[k] * level;
     if (level < LEVEL) continue;  // it stands upright
     shape.across[k] = Vec3{axis.x, axis.y, 0.0} * (1.0 / level);
     const double middle = dot(shape.lowest, shape.across[k]), seen = solid.extent_along(shape.across[k]);
-    // Squared: a face that is nearly upright to the ground, as that before a sliding box, is not on it.
-    const double alike = dot(normal, axis) / dot(normal, down), beside = std::min(1.0, alike * alike);
+    const double beside = std::min(std::max(component(faces, k) / below, 0.0), 1.0);
     shape.from[k] = middle - half + beside * (half - middle - seen);
     shape.to[k] = middle + half + beside * (seen - half - middle);
   }
@@ -185,7 +192,7 @@ Vec3 normal_at(const Underside& shape, const double (&half)[3], const Vec3& poin
 double contact_width(const Underside& shape) {
   const double* half = shape.half;
   if (shape.kind == ShapeKind::Box) return 2.0 * std::min(half[(shape.upright + 1) % 3], half[(shape.upright + 2) % 3]);
-  if (shape.kind == ShapeKind::Cylinder) return 2.0 * (shape.upright == 2 ? half[0] : half[2]);
+  if (shape.kind == ShapeKind::Cylinder) return shape.upright == 2 ? half[0] : 2.0 * half[2];
   return half[0];
 }
 

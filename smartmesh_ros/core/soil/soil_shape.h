@@ -17,7 +17,7 @@ struct Underside {
   ShapeKind kind;
   double half[3];    // half lengths of a box along its own axes; else radius, radius, half height [m]
   double spacing;    // of the samples [m]
-  int upright;       // its axis that is nearest to the normal of the ground
+  int upright;       // its axis whose face is on the ground
   double margin[3];  // farthest distance along an axis of a corner of a cell that the shape's edge touches [m]
   double grown[3];   // half lengths with the margins of flat faces [m]
   Vec3 lowest;       // middle of the face that is on the ground, or of the line of a lying cylinder [m]
@@ -55,7 +55,7 @@ Vec3 normal_at(const Underside& shape, const double (&half)[3], const Vec3& poin
 constexpr double STEEP = 0.05;
 
 // Returns the smaller dimension b of the contact [m], for Bekker's Kc / b: of a box its narrower side, of a lying
-// cylinder its height, of round shapes the radius.
+// cylinder its height, of what is round seen from above the radius.
 double contact_width(const Underside& shape);
 
 // Returns half the length of the rectangle around all places with an underside [m].
