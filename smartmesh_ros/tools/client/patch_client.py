@@ -108,10 +108,11 @@ class PatchClient:
         wanted, end = set(names), monotonic() + timeout
         while not wanted <= self.patches().keys():
             if monotonic() > end:
-                there = ", ".join(colliders(self.node)) or "none"
-                alone = f"; nobody publishes {self._subscription.topic_name}; running nodes: {there}"
-                missing = f"no patch of {sorted(wanted - self.patches().keys())} after {timeout:g} s"
-                raise TimeoutError(missing + alone * (not self.connected))
+                words = f"no patch of {sorted(wanted - self.patches().keys())} after {timeout:g} s"
+                if not self.connected:
+                    there = ", ".join(colliders(self.node)) or "none"
+                    words += f"; nobody publishes {self._subscription.topic_name}; running nodes: {there}"
+                raise TimeoutError(words)
             self.spin_once(0.02)
         return self.patches()
 

@@ -154,8 +154,8 @@ class Remote:
         end = monotonic() + self._patience
         while not (found := condition()):
             if monotonic() > end:
-                words = filter(None, (f"no {what} after {self._patience:g} s", self.missing))
-                raise InputError("timeout", "; ".join(words))
+                words, missing = f"no {what} after {self._patience:g} s", self.missing
+                raise InputError("timeout", f"{words}; {missing}" if missing else words)
             self.spin(0.02)
         return found
 
