@@ -18,6 +18,7 @@ Turn = tuple[float, float, float, float]
 UPRIGHT: Turn = (0.0, 0.0, 0.0, 1.0)
 LYING: Turn = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))  # with its z along y
 TETRAHEDRON = np.array([[1.0, 0.0, -0.4], [-0.5, 0.8, -0.4], [-0.5, -0.8, -0.4], [0.0, 0.0, 1.0]])
+TETRAHEDRON.flags.writeable = False  # tests of one process share it
 
 
 def about_y(angle: float) -> Turn:

@@ -216,7 +216,7 @@ ENTRIES = {
         lower_surface, lambda: {"poses": zeros(7, BODIES), "up": zeros(3, 4), "points": zeros(2, 5)},
         rows=("up", "points"),
     ),
-    "BodyShape.hull": Entry(BodyShape.hull, lambda: {"points": TETRAHEDRON}, rows=("points",)),
+    "BodyShape.hull": Entry(BodyShape.hull, lambda: {"points": TETRAHEDRON.copy()}, rows=("points",)),
     "first_fault": Entry(CORE.first_fault, faults),
     "extrapolated": Entry(CORE.extrapolated, lambda: {"states": zeros(13), "duration": 0.1}, rows=("states",)),
     "blended": Entry(CORE.blended, lambda: {"states": zeros(13), "targets": zeros(13), "share": 0.5}),
