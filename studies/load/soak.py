@@ -4,6 +4,7 @@ Maps are resized, bodies spawned and removed, settings changed, sources killed a
 mixed in. Sampled once a second: memory, file descriptors, real-time factor, and the latency of a service call.
 """
 
+import subprocess
 from collections import Counter, defaultdict
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -150,6 +151,8 @@ def run(minutes: float) -> dict[str, Any]:
 
         def restart_source() -> None:
             source.close()
+            # What was killed leaves its shared memory, in two hours more than many machines have.
+            subprocess.run(["fastdds", "shm", "clean"], check=True, stdout=subprocess.DEVNULL)
             source.callback(Process("terrain_source", source_parameters(rng)).close)
             node.done["sources killed"] += 1
 

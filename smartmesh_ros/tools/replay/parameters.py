@@ -82,5 +82,5 @@ def single_value(text: str) -> tuple[str, Any]:
         raise InputError("parameter", f"-p {text!r} must be name:=value, as in -p physics.rate:=120.0")
     try:
         return name, yaml.safe_load(value)
-    except yaml.YAMLError:
+    except (yaml.YAMLError, ValueError):  # ValueError: it looks like a date, but is none
         return name, value
