@@ -1,10 +1,9 @@
-"""Soils: their parameters, those known by name from ``soils.yaml`` or a file of the same form, and what users give,
-checked."""
+"""Soils: their parameters, those known by name from ``soils.yaml``, and what users give, checked."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import astuple, dataclass, fields
+from dataclasses import MISSING, astuple, dataclass, fields
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -67,42 +66,50 @@ class SoilType:
 
 
 @cache
-def soils_of(file: Path = KNOWN) -> dict[str, SoilType]:
-    """Return the soils of a YAML file by name. Raises `InputError`."""
+def known_soils() -> dict[str, SoilType]:
+    """Return the soils of ``soils.yaml`` by name. Raises `InputError` if there is no PyYAML."""
+    soils = _parsed(KNOWN.read_text())
+    return {name: SoilType(**{key: soil[key] for key in soil if key != "source"}) for name, soil in soils.items()}
+
+
+def soil_named(name: str) -> SoilType:
+    """Return a soil by its name, or by a YAML mapping of its parameters: ``{Bekker_Kphi: 1.5e6, ...}``. Raises
+    `InputError`."""
+    if not name.lstrip().startswith("{"):
+        known = known_soils()
+        if name not in known:
+            raise InputError("unknown_soil", f"there is no soil {name!r}; known: {', '.join(known)}")
+        return known[name]
+    with naming(f"soil {name!r}"):
+        return _soil(_parsed(name))
+
+
+def _parsed(text: str) -> Any:
     try:
         import yaml  # every ROS has it; the core alone needs it for soils by name only
     except ImportError:
         raise InputError("soil", "soils by name need PyYAML: pip install pyyaml, or give a SoilType") from None
     try:
-        content = yaml.safe_load(file.read_text())
-    except (OSError, yaml.YAMLError) as error:
-        raise InputError("soil", f"{file} cannot be read as YAML: {error}") from None
-    if not isinstance(content, dict) or not content:
-        raise InputError("soil", f"{file} holds no soils; it must map names to parameters, as {KNOWN} does")
-    return {str(name): _soil(str(name), values) for name, values in content.items()}
+        return yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: of a date that no calendar has
+        raise InputError("soil", f"this is no YAML: {error}") from None
 
 
-def soil_named(name: str, file: Path = KNOWN) -> SoilType:
-    """Return a soil by its name in a YAML file. Raises `InputError`."""
-    known = soils_of(file)
-    if name not in known:
-        raise InputError("unknown_soil", f"there is no soil {name!r}; known: {', '.join(known)}")
-    return known[name]
-
-
-def _soil(name: str, values: Any) -> SoilType:
+def _soil(values: dict[Any, Any]) -> SoilType:
     known = [field.name for field in fields(SoilType)]
-    if not isinstance(values, dict):
-        raise InputError("soil", f"soil {name!r} must map parameters to numbers: {', '.join(known)}")
-    numbers = {key: value for key, value in values.items() if key != "source"}
-    if unknown := [str(key) for key in numbers if key not in known]:
-        raise InputError("soil", f"soil {name!r} has no parameter {unknown[0]!r}; known: {', '.join(known)}")
+    if unknown := [str(key) for key in values if key not in known]:
+        raise InputError("soil", f"there is no parameter {unknown[0]!r}; the parameters are {', '.join(known)}")
+    if missing := [field.name for field in fields(SoilType) if field.default is MISSING and field.name not in values]:
+        raise InputError("soil", f"it lacks {', '.join(missing)}")
+    return SoilType(**{key: _number(value) for key, value in values.items()})
+
+
+def _number(value: Any) -> Any:
+    """Return the number that a text is: YAML knows 1.5e+6, but takes 1.5e6 for a text."""
     try:
-        with naming(f"soil {name!r}"):
-            return SoilType(**numbers)
-    except TypeError:
-        missing = [key for key in known[:6] if key not in numbers]
-        raise InputError("soil", f"soil {name!r} lacks {', '.join(missing)}") from None
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
 
 
 def soils_from(soil: SoilType | str | Sequence[SoilType | str]) -> list[SoilType]:

@@ -8,7 +8,7 @@ from timeit import Timer
 import numpy as np
 
 from smartmesh_ros import BodyState, Box, HeightMap, Soil, World
-from smartmesh_ros.soil.config import soil_named, soils_of
+from smartmesh_ros.soil.config import known_soils, soil_named
 from smartmesh_ros.tools.evaluation.measures import GRAVITY
 from studies.pages import ROOT, fill, table
 from studies.soil.trials import K10, SMOOTH, free_slip, plate_sinkage, undamped, wheel_forces
@@ -23,7 +23,7 @@ def boxes() -> str:
     """Return the table of boxes that are set down on the ground, and of one that falls onto it: their sinkage, and
     when they moved at less than 0.1 mm/s for good."""
     rows = []
-    for name in soils_of():
+    for name in known_soils():
         rows.append([name])
         for mass, side, fall in BOXES:
             grid, last = 0.1 * side, 0.0
@@ -59,7 +59,7 @@ def forced_slip() -> str:
 def carts() -> str:
     """Return the table of carts that drive."""
     rows = []
-    for name in soils_of():
+    for name in known_soils():
         soil = soil_named(name)
         for cart, what, speed, grid in ((Cart(), "12 kg", 0.3, 0.02), (WARTHOG, "268 kg", 0.5, 0.05)):
             row, loaded, worst = [name, what], 1.0, 0.0

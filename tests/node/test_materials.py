@@ -114,12 +114,14 @@ def test_the_publisher_on_the_page_makes_ice_beside_gravel(probe: Probe) -> None
 
 PLATE, MASS = box(0.2, 0.2, 0.1), 5e3 * 0.04 / 9.81
 SAMPLES = 101
+# A soil of one's own, as soft as that of this name.
+LUNAR = "{Bekker_Kphi: 8.2e5, Bekker_Kc: 1400, Bekker_n: 1, Mohr_cohesion: 170, Mohr_friction: 35, Janosi_shear: 0.018}"
 SAND: dict[str, Any] = {"heights": np.zeros((SAMPLES, SAMPLES)), "resolution": 0.04, "origin": (-2.0, -2.0, 0.0)}
 
 
 def test_bodies_of_a_collider_stand_on_soil(probe: Probe) -> None:
     grids = probe.listen("sinkage", GridMap)
-    with probe.running("terrain_collider", {"soil.type": ["lunar"], "publish.body_states": 60.0}):
+    with probe.running("terrain_collider", {"soil.type": [LUNAR], "publish.body_states": 60.0}):
         show_map(probe, **SAND)
         spawn(probe, "plate", (0.003, 0.007, 0.0501), shape=PLATE, mass=MASS)
         probe.wait_for(lambda: probe.diagnostics("bodies")["asleep"] == "1")

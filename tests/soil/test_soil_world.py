@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 from itertools import islice
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ import pytest
 
 from smartmesh_ros import BodyState, HeightMap, InputError, Material, MotionConfig, Soil, SoilType, World
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
-from smartmesh_ros.soil.config import soil_named, soils_of
+from smartmesh_ros.soil.config import soil_named
 from tests.bodies import LYING, UPRIGHT, Turn, about_z
 from tests.grounds import level, moving, world_of
 
@@ -224,6 +223,9 @@ SAND = {
 }  # fmt: skip
 
 
+OWN = "{Bekker_Kphi: 1.5e6, Bekker_Kc: 990, Bekker_n: 1.1, Mohr_cohesion: 1e3, Mohr_friction: 28, Janosi_shear: 0.01}"
+
+
 def of_kinds(kinds: np.ndarray) -> Soil:
     return Soil(HeightMap(np.zeros((20, 20)), resolution=1.0), ["lunar", "clay"], kinds=kinds)
 
@@ -235,6 +237,11 @@ def of_kinds(kinds: np.ndarray) -> Soil:
         (lambda: SoilType(**{**SAND, "Mohr_friction": 90.0}), "Mohr_friction is 90"),
         (lambda: SoilType(**{**SAND, "elastic_K": 5e5}), "not above Bekker_Kphi"),
         (lambda: soil_named("cheese"), "no soil 'cheese'; known: dry_sand"),
+        (lambda: soil_named("{Bekker_Kphi: 1e6, Bekker_n: 1.0}"), "lacks Bekker_Kc, Mohr_cohesion, Mohr_friction"),
+        (lambda: soil_named("{stiffness: 3}"), "no parameter 'stiffness'; the parameters are Bekker_Kphi"),
+        (lambda: soil_named("{Bekker_Kphi: "), "is no YAML"),
+        (lambda: soil_named("{Bekker_Kphi: 2024-13-01}"), "is no YAML"),
+        (lambda: soil_named(OWN.replace("1.1", "soft")), "Bekker_n is 'soft'"),
         (lambda: of_kinds(np.zeros((3, 3), np.uint8)), r"shape \(3, 3\)"),
         (lambda: of_kinds(np.full((20, 20), 2)), "kinds are up to 2"),
         (lambda: of_kinds(np.full((20, 20), 255)), "255 to 255"),
@@ -256,20 +263,11 @@ def test_parameters_of_numpy_are_those_of_python() -> None:
     assert SoilType(**given) == SoilType(**{name: float(value) for name, value in given.items()})
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("sand: {Bekker_Kphi: 1e6}", "lacks Bekker_Kc"),
-        ("sand: {stiffness: 3}", "has no parameter 'stiffness'"),
-        ("[1, 2]", "holds no soils"),
-        ("sand: {", "cannot be read"),
-    ],
-)
-def test_bad_files_are_refused(tmp_path: Path, text: str, words: str) -> None:
-    file = tmp_path / "soils.yaml"
-    file.write_text(text)
-    with pytest.raises(InputError, match=words):
-        soils_of(file)
+def test_a_soil_of_ones_own_may_be_a_text() -> None:
+    given = SoilType(
+        Bekker_Kphi=1.5e6, Bekker_Kc=990.0, Bekker_n=1.1, Mohr_cohesion=1e3, Mohr_friction=28.0, Janosi_shear=0.01
+    )
+    assert soil_named(OWN) == given
 
 
 @pytest.mark.parametrize("shape", [Box(0.2, 0.2, 0.2), Sphere(0.1), Cylinder(radius=0.1, height=0.2)])

@@ -11,7 +11,6 @@ from PIL import Image
 from smartmesh_ros import BodyState, World
 from smartmesh_ros.io import files
 from smartmesh_ros.io.urdf import checked_urdf
-from smartmesh_ros.soil.config import soils_of
 from smartmesh_ros.world.robots.prepared import prepare_robot
 from tests.faults import Faults, file_faults
 from tests.urdfs import link, robot
@@ -52,17 +51,14 @@ def test_a_file_is_read_or_refused(faults: Faults, tmp_path: Path) -> None:
     heights = np.arange(12, dtype=np.uint8).reshape(3, 4)
     np.save(tmp_path / "heights.npy", heights)
     Image.fromarray(heights).save(tmp_path / "heights.png")
-    (tmp_path / "soils.yaml").write_text(Path(soils_of.__wrapped__.__defaults__[0]).read_text())
     urdf = robot_in(tmp_path, 0.9)
     readers: list[Callable[[], Any]] = [
         lambda: files.load(tmp_path / "heights.npy"),
         lambda: files.load(tmp_path / "heights.png"),
-        lambda: soils_of(tmp_path / "soils.yaml"),
         lambda: checked_urdf(str(urdf), [tmp_path]),
     ]
     for read in readers:
         for number in faults.runs():
-            soils_of.cache_clear()
             if not faults.done(number, read):
                 assert faults.fired in faults.said
                 read()
