@@ -44,13 +44,15 @@ def probe(domain: int) -> Iterator[Probe]:
 
 @pytest.fixture(scope="module")
 def url(probe: Probe) -> Iterator[str]:
-    """The address of a view of that node, which has a map."""
+    """The address of a view of that node, which has a map and two boxes."""
     x = np.linspace(-SIDE / 2, SIDE / 2, round(SIDE / CELL) + 1)
     heights = np.tile(np.where(x > 0.5, 0.05 * np.sin(8.0 * x), 0.0), (len(x), 1))
     with Process("view", arguments=["--port", "0"]) as view:
         maps = probe.publishers["heightmap"]
         probe.wait_for(lambda: "shown at" in view.output and maps.get_subscription_count() == 2, watch=view)
         probe.publish_map(heights, resolution=CELL, origin=(-SIDE / 2, -SIDE / 2, 0.0))
+        spawn(probe, "flat", FLAT)
+        spawn(probe, "waves", WAVES)
         [address] = re.findall(r"shown at (\S+)", view.output)
         yield address
         assert view.stop(signal.SIGINT) == 0, view.output
@@ -151,8 +153,6 @@ def wait(probe: Probe, page: Any, condition: Any) -> Any:
 
 
 def test_patches_and_bodies_are_drawn_where_the_node_says(probe: Probe, page: Any) -> None:
-    spawn(probe, "flat", FLAT)
-    spawn(probe, "waves", WAVES)
     names = ("flat", "waves")
     for name in names:
         wait(probe, page, lambda name=name: patch(probe, name)[0] == ColliderPatch.HEIGHTFIELD)
