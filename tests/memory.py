@@ -1,9 +1,19 @@
-"""Memory of this process, by what is allocated: resident memory also depends on what the machine has left for it."""
+"""Memory of this process, by what is allocated: resident memory also depends on what the machine has left for it. And
+whether processes can share memory as ``config/fastdds.xml`` asks for."""
 
 import ctypes
 import gc
+import shutil
 import sys
+from pathlib import Path
 
+import pytest
+
+SHARED = Path("/dev/shm")  # 64 MB in a container that is not given more
+needs_shared_memory = pytest.mark.skipif(
+    SHARED.is_dir() and shutil.disk_usage(SHARED).total < 1 << 30,
+    reason="needs 1 GiB of /dev/shm: docker --shm-size=1g",
+)
 BLOCK = 64  # of one object of Python, about [bytes]
 
 

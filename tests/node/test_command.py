@@ -22,6 +22,7 @@ from smartmesh_ros.startup.executables import STARTED_BY_NAME
 from smartmesh_ros.tools.client import command
 from smartmesh_ros.tools.client.remote import CHECK_PERIOD, Remote
 from smartmesh_ros.tools.testing import TIMEOUT, Probe, Process, heightmap_message
+from tests.memory import needs_shared_memory
 from tests.node.shared import changed, position_of, show_level_ground, wait_until
 from tests.urdfs import link, mesh, robot
 
@@ -164,6 +165,7 @@ def test_a_command_receives_no_maps(shared: Probe, remote: Remote, smartmesh: Co
     assert not [one.topic_name for one in remote.node.subscriptions if "heightmap" in one.topic_name]
 
 
+@needs_shared_memory  # without it Fast DDS itself says so beside the output
 def test_a_node_is_named_or_those_that_run_are(shared: Probe, remote: Remote) -> None:
     """``remote`` has made the context that the other one needs."""
     assert whole("--node", shared.collider, "list") == "no bodies"

@@ -24,6 +24,7 @@ from smartmesh_ros.startup.dds import POLICY_VARIABLE, VARIABLE, use_large_messa
 from smartmesh_ros.tools.demo.rover import Rover
 from smartmesh_ros.tools.demo.terrain_source import TerrainSource
 from smartmesh_ros.tools.testing import COLLIDER, Probe, Process, heightmap_message
+from tests.memory import needs_shared_memory
 from tests.node.shared import LATCHED, Logged, fed, made_with, stamped
 
 # Size of the shared memory that the profile asks for [bytes].
@@ -82,6 +83,7 @@ def test_a_source_that_starts_with_the_node_is_no_reason_to_warn(
             assert logged().count("no map yet: a latched publisher") == lines
 
 
+@needs_shared_memory
 def test_large_maps_go_through_with_the_installed_profile(probe: Probe, monkeypatch: pytest.MonkeyPatch) -> None:
     """Source and collider use it, the probe does not: peers with and without it understand each other."""
     for name in (VARIABLE, POLICY_VARIABLE):  # set anew below, and as they were after the test
