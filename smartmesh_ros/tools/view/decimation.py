@@ -58,15 +58,15 @@ def _cells(shape: tuple[int, int], coarsest: int, centres: FloatArray, near: Flo
     """Return the first row and column (n, 2) of cells that cover the map, by level k, for cells of 2^k samples.
     Neighbours have half, the same or twice the size."""
     found: list[IntArray] = []
+    # Whole samples: fractions would be rounded otherwise at another size.
+    low, high = np.floor(centres - near[:, None]).astype(np.int64), np.ceil(centres + near[:, None]).astype(np.int64)
     split = np.ones(_counts(shape, 2 << coarsest), np.bool_)
     for level in range(coarsest, -1, -1):
         size = 1 << level
         counts = _counts(shape, size)
         there = split.repeat(2, axis=0).repeat(2, axis=1)[: counts[0], : counts[1]]
         # Cells of twice the size are split at twice the distance, so that neighbours differ by at most one split.
-        reach = (near + size)[:, None]
-        first = np.maximum(np.floor((centres - reach) / size), 0).astype(np.int64)
-        last = np.maximum(np.ceil((centres + reach) / size), 0).astype(np.int64)
+        first, last = np.maximum(low // size - 1, 0), np.maximum(-(-high // size) + 1, 0)
         split = np.zeros(counts, np.bool_)
         for (row, column), (row_end, column_end) in zip(first.tolist(), last.tolist() if level else (), strict=False):
             split[row:row_end, column:column_end] = True
