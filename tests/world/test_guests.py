@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pybullet as pb
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from smartmesh_ros import BodyState, Box, Capsule, Cylinder, InputError, PhysicsConfig, Sphere
@@ -259,6 +259,7 @@ def test_steps_of_an_owner_that_come_half_way_between_own_ones_are_counted_one_b
 
 
 @given(seed=st.integers(0, 2**32 - 1), duration=st.floats(-0.2, 0.2))
+@example(seed=307, duration=-0.05859375)
 def test_states_move_on_at_their_velocities(seed: int, duration: float) -> None:
     rng = np.random.default_rng(seed)
     numbers = rng.normal(scale=5.0, size=(3, 13))
@@ -268,7 +269,8 @@ def test_states_move_on_at_their_velocities(seed: int, duration: float) -> None:
         assert np.allclose(after[:3], before[:3] + duration * before[7:10])
         spin = pb.getQuaternionFromAxisAngle(before[10:], duration * float(np.linalg.norm(before[10:])))
         _, turned = pb.multiplyTransforms((0.0, 0.0, 0.0), spin, (0.0, 0.0, 0.0), before[3:7])
-        assert np.allclose(rotation(after[3:7]), rotation(np.array(turned)), atol=1e-6)
+        turned = np.array(turned) / np.linalg.norm(turned)  # PyBullet works in single precision here
+        assert np.allclose(rotation(after[3:7]), rotation(turned), atol=1e-6)
         assert np.array_equal(after[7:], before[7:])
     assert np.allclose(CORE.blended(numbers, moved, 1.0)[:, :3], moved[:, :3])
     half = CORE.blended(numbers, -moved, 0.5)[:, 3:7]  # the same rotations by the other quaternion
