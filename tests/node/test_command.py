@@ -2,6 +2,7 @@
 
 import os
 import re
+import signal
 import subprocess
 import sys
 import tracemalloc
@@ -236,6 +237,17 @@ def test_a_command_ends_well_without_logs_or_letters_or_open_streams(
     )
     assert (done.returncode, b"Traceback" in done.stderr) == (0, False), done.stderr
     assert done.stdout.endswith(b"is there\n") != bool(closed)
+
+
+def test_a_command_that_is_interrupted_has_not_done_its_work(shared: Probe) -> None:
+    """Which what follows it in a script sees, wherever it was: during the imports in test_processes.py."""
+    with subprocess.Popen([COMMAND, "--node", "/nowhere", "--timeout", "1000", "list"]) as waiting:
+        try:
+            shared.wait_for(lambda: "smartmesh_view" in shared.node.get_node_names())
+            waiting.send_signal(signal.SIGINT)
+            assert waiting.wait(TIMEOUT) == 130
+        finally:
+            waiting.kill()
 
 
 def test_the_command_of_a_workspace_starts_its_executables() -> None:

@@ -33,7 +33,7 @@ from smartmesh_ros.node.inputs.optional_messages import class_of
 from smartmesh_ros.node.parameters.helping import own_arguments
 from smartmesh_ros.node.transport import colliders
 from smartmesh_ros.startup.arguments import Parser, number
-from smartmesh_ros.startup.executables import STARTED_BY_NAME
+from smartmesh_ros.startup.executables import INTERRUPTED, STARTED_BY_NAME
 from smartmesh_ros.tools.client.parameters import parameter_from
 from smartmesh_ros.tools.client.remote import Remote, following
 from smartmesh_ros.tools.client.sight import KINDS
@@ -249,6 +249,6 @@ def main(args: list[str] | None = None) -> None:
     """Do what a command line asks for."""
     given = sys.argv if args is None else ["smartmesh", *args]
     options = parser().parse_args(own_arguments(given))
-    with following(options.node, "smartmesh", given, options.timeout) as (remote, _):
+    with following(options.node, "smartmesh", given, options.timeout, interrupted=INTERRUPTED) as (remote, _):
         if words := options.act(remote, options):
             print(words)
