@@ -1,5 +1,6 @@
 """``smartmesh``, the command: what it shows of a node and has it do, over DDS."""
 
+import argparse
 import os
 import re
 import signal
@@ -69,6 +70,15 @@ def test_nodes_that_are_discovered_one_after_the_other_are_listed(
     looks = iter([[], ["/a"], ["/a"], ["/a", "/b"]])
     monkeypatch.setattr(command, "colliders", lambda _: next(looks, ["/a", "/b"]))
     assert smartmesh("nodes").split() == ["/a", "/b"]
+
+
+def test_a_node_that_is_too_busy_to_answer_at_once_is_listed(remote: Remote, monkeypatch: pytest.MonkeyPatch) -> None:
+    """This process announces itself for three seconds."""
+    now = [0.0]
+    monkeypatch.setattr(command, "monotonic", lambda: now[0])
+    monkeypatch.setattr(remote, "spin", lambda _: now.__setitem__(0, now[0] + 0.1))
+    monkeypatch.setattr(command, "colliders", lambda _: ["/a", "/b"] if now[0] > 3.2 else ["/a"])
+    assert command.show_nodes(remote, argparse.Namespace()).split() == ["/a", "/b"]
 
 
 def test_bodies_are_spawned_listed_and_removed(shared: Probe, smartmesh: Command, tmp_path: Path) -> None:

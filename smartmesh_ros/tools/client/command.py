@@ -48,8 +48,9 @@ SHAPES = {
 # Most entries of a sequence that are printed.
 MOST_PRINTED = 12
 LEVELS = {DiagnosticStatus.OK: "ok", DiagnosticStatus.WARN: "warning", DiagnosticStatus.ERROR: "error"}
-# After this long without another one, all nodes count as discovered [s].
-DISCOVERY = 1.0
+# After this long without another one, all nodes count as discovered [s]. One that is too busy to answer at once
+# answers later: this process announces itself for 3 s (config/fastdds.xml).
+DISCOVERY = 3.5
 
 
 def messages(remote: Remote, topic: str, kind: Any, *, raw: bool = False) -> list[Any]:
