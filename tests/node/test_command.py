@@ -251,9 +251,14 @@ def test_a_command_ends_well_without_logs_or_letters_or_open_streams(
 
 def test_a_command_that_is_interrupted_has_not_done_its_work(shared: Probe) -> None:
     """Which what follows it in a script sees, wherever it was: during the imports in test_processes.py."""
+
+    def commands() -> int:
+        return shared.node.get_node_names().count("smartmesh_view")
+
+    before = commands()  # that of the module's fixture
     with subprocess.Popen([COMMAND, "--node", "/nowhere", "--timeout", "1000", "list"]) as waiting:
         try:
-            shared.wait_for(lambda: "smartmesh_view" in shared.node.get_node_names())
+            shared.wait_for(lambda: commands() > before)
             waiting.send_signal(signal.SIGINT)
             assert waiting.wait(TIMEOUT) == 130
         finally:
