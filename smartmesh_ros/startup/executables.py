@@ -3,6 +3,7 @@ quiet end when nobody reads it."""
 
 from __future__ import annotations
 
+import errno
 import importlib
 import os
 import select
@@ -18,6 +19,8 @@ from pathlib import Path
 # If set to 1, ROS logs to standard output, which is then not silenced.
 LOGS_TO_STDOUT = "RCUTILS_LOGGING_USE_STDOUT"
 STDOUT, STDERR = 1, 2
+# Exit code of a command that a signal ends before it has done its work.
+INTERRUPTED = 130
 
 
 def prepare_streams() -> None:
@@ -56,18 +59,20 @@ def import_pybullet_quietly() -> None:
 
 @contextmanager
 def ending_with_reader() -> Iterator[None]:
-    """End the process without an error if the reader of its standard output ends, as in ``command --help | head``."""
+    """End the process without an error if the reader of its standard output ends, as in ``command --help | head``, and
+    with the reason and exit code 1 if a disk is full."""
     try:
         try:
             yield
         finally:
             sys.stdout.flush()
-    except BrokenPipeError:
-        if not _reader_has_ended():
+    except OSError as error:
+        full = error.errno == errno.ENOSPC
+        if not full and not (isinstance(error, BrokenPipeError) and _reader_has_ended()):
             raise
         with Path(os.devnull).open("w") as nowhere:
             os.dup2(nowhere.fileno(), sys.stdout.fileno())  # Python flushes once more when it exits
-        sys.exit(0)
+        sys.exit(f"{Path(sys.argv[0]).name}: the output cannot be written: {error.strerror}" if full else 0)
 
 
 def _reader_has_ended() -> bool:
@@ -76,19 +81,20 @@ def _reader_has_ended() -> bool:
     return any(events & select.POLLERR for _, events in poll.poll(0))
 
 
-def _exit_on_signals() -> None:
-    """Exit at once on SIGINT or SIGTERM, until the executable installs its own handlers.
+def _exit_on_signals(code: int) -> None:
+    """Exit at once on SIGINT or SIGTERM, with this code, until the executable installs its own handlers.
 
     Call this before the imports, which take a second and leave nothing to clean up. Without these handlers, SIGINT
     would be lost in a background job, because shells start background jobs with SIGINT ignored.
     """
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: os._exit(0))
+        signal.signal(number, lambda *_: os._exit(code))
 
 
-def _start(module: str, before: Callable[[], None] | None = silence_pybullet) -> None:
-    """Run ``main`` of a module, which may import PyBullet after the call of ``before``, and exit with its result."""
-    _exit_on_signals()
+def _start(module: str, before: Callable[[], None] | None = silence_pybullet, interrupted: int = 0) -> None:
+    """Run ``main`` of a module, which may import PyBullet after the call of ``before``, and exit with its result.
+    ``interrupted``: exit code after a signal during the imports."""
+    _exit_on_signals(interrupted)
     prepare_streams()
     if before is not None:
         before()
@@ -114,8 +120,8 @@ terrain_sensor = partial(_start, "smartmesh_ros.node.sensor.terrain_sensor")
 terrain_score = partial(_start, "smartmesh_ros.tools.score.terrain_score")
 fleet_front = partial(_start, "smartmesh_ros.node.fleet.front")
 fleet = partial(_start, "smartmesh_ros.tools.fleet", None)
-replay = partial(_start, "smartmesh_ros.tools.replay.cli")
-tune = partial(_start, "smartmesh_ros.tools.tune.cli")
+replay = partial(_start, "smartmesh_ros.tools.replay.cli", interrupted=INTERRUPTED)
+tune = partial(_start, "smartmesh_ros.tools.tune.cli", interrupted=INTERRUPTED)
 # Their standard output stays usable for child processes.
 rover = partial(_start, "smartmesh_ros.tools.demo.rover", import_pybullet_quietly)
 demo = partial(_start, "smartmesh_ros.tools.demo.demo", import_pybullet_quietly)
@@ -132,4 +138,4 @@ def smartmesh() -> None:
             sys.argv = [name, *rest]
             STARTED_BY_NAME[name]()
         case _:
-            _start("smartmesh_ros.tools.client.command", None)
+            _start("smartmesh_ros.tools.client.command", None, INTERRUPTED)

@@ -1,7 +1,9 @@
 """``smartmesh``, the command: what it shows of a node and has it do, over DDS."""
 
+import argparse
 import os
 import re
+import signal
 import subprocess
 import sys
 import tracemalloc
@@ -69,6 +71,15 @@ def test_nodes_that_are_discovered_one_after_the_other_are_listed(
     looks = iter([[], ["/a"], ["/a"], ["/a", "/b"]])
     monkeypatch.setattr(command, "colliders", lambda _: next(looks, ["/a", "/b"]))
     assert smartmesh("nodes").split() == ["/a", "/b"]
+
+
+def test_a_node_that_is_too_busy_to_answer_at_once_is_listed(remote: Remote, monkeypatch: pytest.MonkeyPatch) -> None:
+    """This process announces itself for three seconds."""
+    now = [0.0]
+    monkeypatch.setattr(command, "monotonic", lambda: now[0])
+    monkeypatch.setattr(remote, "spin", lambda _: now.__setitem__(0, now[0] + 0.1))
+    monkeypatch.setattr(command, "colliders", lambda _: ["/a", "/b"] if now[0] > 3.2 else ["/a"])
+    assert command.show_nodes(remote, argparse.Namespace()).split() == ["/a", "/b"]
 
 
 def test_bodies_are_spawned_listed_and_removed(shared: Probe, smartmesh: Command, tmp_path: Path) -> None:
@@ -238,6 +249,22 @@ def test_a_command_ends_well_without_logs_or_letters_or_open_streams(
     )
     assert (done.returncode, b"Traceback" in done.stderr) == (0, False), done.stderr
     assert done.stdout.endswith(b"is there\n") != bool(closed)
+
+
+def test_a_command_that_is_interrupted_has_not_done_its_work(shared: Probe) -> None:
+    """Which what follows it in a script sees, wherever it was: during the imports in test_processes.py."""
+
+    def commands() -> int:
+        return shared.node.get_node_names().count("smartmesh_view")
+
+    before = commands()  # that of the module's fixture
+    with subprocess.Popen([COMMAND, "--node", "/nowhere", "--timeout", "1000", "list"]) as waiting:
+        try:
+            shared.wait_for(lambda: commands() > before)
+            waiting.send_signal(signal.SIGINT)
+            assert waiting.wait(TIMEOUT) == 130
+        finally:
+            waiting.kill()
 
 
 def test_the_command_of_a_workspace_starts_its_executables() -> None:

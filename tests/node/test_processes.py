@@ -122,16 +122,23 @@ def test_ctrl_c_ends_a_view_whose_demo_starts() -> None:
         assert "Traceback" not in process.output
 
 
-@pytest.mark.parametrize(("name", "number"), [("smartmesh-demo", signal.SIGTERM), ("terrain_collider", signal.SIGINT)])
-def test_a_signal_during_the_imports_ends_an_executable(name: str, number: signal.Signals) -> None:
-    """They last a second; nothing is to be cleaned up. Started as a shell starts a background job, SIGINT ignored."""
+@pytest.mark.parametrize(
+    ("name", "number", "code"),
+    [
+        ("smartmesh-demo", signal.SIGTERM, 0), ("terrain_collider", signal.SIGINT, 0), ("replay", signal.SIGINT, 130),
+        ("smartmesh", signal.SIGINT, 130),
+    ],
+)  # fmt: skip
+def test_a_signal_during_the_imports_ends_an_executable(name: str, number: signal.Signals, code: int) -> None:
+    """They last a second; nothing is to be cleaned up. Started as a shell starts a background job, SIGINT ignored. What
+    follows a command in a script sees that it has not done its work."""
     command = ["sh", "-c", "trap '' INT; exec \"$0\"", str(executable(name))]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
         try:
             loaded = Path(f"/proc/{process.pid}/maps")
             wait_until(lambda: process.poll() is not None or "numpy" in loaded.read_text())
             process.send_signal(number)
-            assert (process.communicate(timeout=TIMEOUT)[0], process.returncode) == ("", 0)
+            assert (process.communicate(timeout=TIMEOUT)[0], process.returncode) == ("", code)
         finally:
             process.kill()
 

@@ -70,6 +70,15 @@ def test_executables_end_quietly_if_nobody_reads_their_output() -> None:
         assert (process.communicate(timeout=TIMEOUT)[1], process.returncode) == ("", 0), process.args
 
 
+@pytest.mark.parametrize("name", ["terrain_collider", "terrain_source", "replay"])
+def test_an_output_that_a_full_disk_does_not_take_is_told(name: str) -> None:
+    with Path("/dev/full").open("w") as full:
+        command = [executable(name), "--help"]
+        ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert ended.stderr == f"{name}: the output cannot be written: No space left on device\n"
+    assert ended.returncode == 1
+
+
 def test_sources_of_parameters_are_named_and_those_without_effect_are_warned_about(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, logged: Logged
 ) -> None:

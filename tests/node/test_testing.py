@@ -125,6 +125,8 @@ def test_a_wait_for_a_misspelt_name_says_which_one_may_be_meant(shared: Probe, m
         shared.call("puse", SetBool, data=True)
     with pytest.raises(AssertionError, match=r"no subscription of \S+/joint_command; did you mean 'joint_commands'\?"):
         shared.publisher(JointState, "joint_command")
+    with pytest.raises(AssertionError, match=r"description is subscribed as std_msgs/msg/String, RELIABLE and TRAN"):
+        shared.publisher(String, "robot_description")  # give it such a qos
 
 
 def test_the_last_message_of_a_latched_topic_is_the_first_that_comes(shared: Probe) -> None:

@@ -33,7 +33,7 @@ from smartmesh_ros.node.inputs.optional_messages import class_of
 from smartmesh_ros.node.parameters.helping import own_arguments
 from smartmesh_ros.node.transport import colliders
 from smartmesh_ros.startup.arguments import Parser, number
-from smartmesh_ros.startup.executables import STARTED_BY_NAME
+from smartmesh_ros.startup.executables import INTERRUPTED, STARTED_BY_NAME
 from smartmesh_ros.tools.client.parameters import parameter_from
 from smartmesh_ros.tools.client.remote import Remote, following
 from smartmesh_ros.tools.client.sight import KINDS
@@ -48,8 +48,9 @@ SHAPES = {
 # Most entries of a sequence that are printed.
 MOST_PRINTED = 12
 LEVELS = {DiagnosticStatus.OK: "ok", DiagnosticStatus.WARN: "warning", DiagnosticStatus.ERROR: "error"}
-# After this long without another one, all nodes count as discovered [s].
-DISCOVERY = 1.0
+# After this long without another one, all nodes count as discovered [s]. One that is too busy to answer at once
+# answers later: this process announces itself for 3 s (config/fastdds.xml).
+DISCOVERY = 3.5
 
 
 def messages(remote: Remote, topic: str, kind: Any, *, raw: bool = False) -> list[Any]:
@@ -249,6 +250,6 @@ def main(args: list[str] | None = None) -> None:
     """Do what a command line asks for."""
     given = sys.argv if args is None else ["smartmesh", *args]
     options = parser().parse_args(own_arguments(given))
-    with following(options.node, "smartmesh", given, options.timeout) as (remote, _):
+    with following(options.node, "smartmesh", given, options.timeout, interrupted=INTERRUPTED) as (remote, _):
         if words := options.act(remote, options):
             print(words)

@@ -62,10 +62,10 @@ LOG_LINES, TIMINGS = 6, 600
 
 @contextmanager
 def following(
-    node: str, command: str, arguments: Sequence[str], patience: float = PATIENCE
+    node: str, command: str, arguments: Sequence[str], patience: float = PATIENCE, *, interrupted: int = 0
 ) -> Iterator[tuple[Remote, Stop]]:
     """Follow a node (full name) for the length of the block, in a process of its own. An `InputError` ends the process
-    with the name of the ``command`` and the reason, the first signal without a word."""
+    with the name of the ``command`` and the reason, the first signal without a word and with ``interrupted``."""
     use_large_message_profile()
     init(arguments)
     stop = Stop()
@@ -75,7 +75,7 @@ def following(
     except InputError as error:
         sys.exit(f"{command}: {error}")
     except KeyboardInterrupt:
-        sys.exit()
+        sys.exit(interrupted)
     finally:
         try_shutdown()
 

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 from smartmesh_ros.errors import InputError, naming
 from smartmesh_ros.node.running import Stop
 from smartmesh_ros.startup.arguments import Parser
+from smartmesh_ros.startup.executables import INTERRUPTED
 from smartmesh_ros.startup.remappings import refuse_expanded
 from smartmesh_ros.tools.replay.bag import Bag
 from smartmesh_ros.tools.replay.parameters import read_parameters
@@ -29,7 +30,6 @@ from smartmesh_ros.tools.replay.transport import Names
 if TYPE_CHECKING:
     from smartmesh_ros.tools.replay.mcap_file import McapFile
 
-INTERRUPTED = 130
 # Time between two updates of the progress bar [s], and its length [characters].
 PERIOD, BAR = 0.2, 30
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal
@@ -23,8 +25,8 @@ FOREVER = QosTime(9223372036, 854775807)
 
 
 class McapFile:
-    """A new file at ``path``, which is there after the block. ``counts``: of its messages by topic. Raises
-    `InputError` if it is a folder, or its folder cannot be written."""
+    """A new file at ``path``, which is there after the block, unless that raises. ``counts``: of its messages by topic.
+    Raises `InputError` if there is something else than a file, or if it cannot be written."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -32,24 +34,31 @@ class McapFile:
         self._connections: dict[str, Any] = {}
 
     def __enter__(self) -> McapFile:
-        if self.path.is_dir():
-            raise InputError("file", f"{self.path} is a folder; name a file")
+        if self.path.exists() and not self.path.is_file():  # a device, too, would be replaced
+            kind = "a folder" if self.path.is_dir() else "no file"
+            raise InputError("file", f"{self.path} is {kind}; name a file")
         # A bag is a folder; the file that it holds takes its place in the end.
-        try:
+        with self._naming():
             self._folder = TemporaryDirectory(prefix=f".{self.path.stem}.", dir=self.path.parent)
-        except OSError as error:
-            raise InputError("file", f"{self.path} cannot be written: {error.strerror}") from None
-        bag = Path(self._folder.name) / self.path.stem
-        self._writer = Writer(bag, version=VERSION, storage_plugin=StoragePlugin.MCAP)
-        self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
-        self._writer.open()
+            bag = Path(self._folder.name) / self.path.stem
+            self._writer = Writer(bag, version=VERSION, storage_plugin=StoragePlugin.MCAP)
+            self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+            self._writer.open()
         self._file = bag / f"{bag.name}.mcap"
         return self
 
-    def __exit__(self, *_: object) -> None:
-        with self._folder:
+    def __exit__(self, raised: type[BaseException] | None, *_: object) -> None:
+        with self._naming(), self._folder:
             self._writer.close()
-            self._file.replace(self.path)
+            if raised is None:
+                self._file.replace(self.path)
+
+    @contextmanager
+    def _naming(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:  # of a full disk, above all
+            raise InputError("file", f"{self.path} cannot be written: {error.strerror}") from None
 
     def note(self, key: str, value: str) -> None:
         """Add an entry to rosbag2's ``custom_data``."""
@@ -61,7 +70,8 @@ class McapFile:
         if topic not in self._connections:
             self._connections[topic] = add_topic(self._writer, topic, type_of(publisher.kind), [_qos(publisher)])
         self.counts[topic] += 1
-        self._writer.write(self._connections[topic], round(time * 1e9), data)
+        with self._naming():
+            self._writer.write(self._connections[topic], round(time * 1e9), data)
 
 
 def add_topic(writer: Writer, topic: str, type_name: str, qos: list[Qos]) -> Any:

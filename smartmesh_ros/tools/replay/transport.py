@@ -9,8 +9,11 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
+from rclpy.exceptions import NameValidationException
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.validate_namespace import validate_namespace
+from rclpy.validate_node_name import validate_node_name
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.outputs.cdr import bytes_of
@@ -30,6 +33,12 @@ class Names:
         given = dict(reversed(rules))
         self.name = given.get("__node", given.get("__name", "terrain_collider"))
         self.namespace = given.get("__ns") or "/"
+        try:
+            validate_node_name(self.name)
+            validate_namespace(self.namespace)
+        except NameValidationException as error:
+            reason, name, *_ = str(error).splitlines()
+            raise InputError("topic", f"{reason} {name.strip()}") from None
         self._rules = [(self._full(old), self._full(new)) for old, new in rules if not old.startswith("__")]
 
     @property

@@ -233,6 +233,10 @@ class Probe:
             yield
         except AssertionError as error:
             missing = self.topic(name)
+            if what == "subscription of" and (there := self.node.get_subscriptions_info_by_topic(missing)):
+                kind, qos = there[0].topic_type, there[0].qos_profile
+                qos_words = f"{qos.reliability.name} and {qos.durability.name}"
+                raise AssertionError(f"{missing} is subscribed as {kind}, {qos_words}; {error}") from None
             others = [full.removeprefix(f"{self.collider}/") for full, _ in known() if full != missing]
             raise AssertionError(f"there is no {what} {missing}{suggestion(name, others)}; {error}") from None
 

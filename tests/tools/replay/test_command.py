@@ -127,6 +127,16 @@ def test_an_interrupted_run_leaves_a_whole_file(bag: str, tmp_path: Path) -> Non
         assert sum(1 for _ in opened.messages()) == opened.message_count > 10
 
 
+def test_a_full_disk_is_told_and_the_file_of_an_earlier_run_stays(bag: str, tmp_path: Path) -> None:
+    out = tmp_path / "out.mcap"
+    out.write_bytes(b"earlier")
+    command = ["sh", "-c", 'ulimit -f 10; exec "$0" "$@"', str(executable("replay")), bag, *ARGUMENTS, "-o", str(out)]
+    found = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert found.returncode == 2 and "Traceback" not in found.stderr
+    assert found.stderr.endswith(f"replay: {out} cannot be written: File too large\n")
+    assert out.read_bytes() == b"earlier" and [*tmp_path.iterdir()] == [out]
+
+
 def test_a_signal_before_the_first_step_ends_the_run_as_one_in_it(bag: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(*_: Any, **__: Any) -> None:
         raise KeyboardInterrupt
@@ -176,6 +186,8 @@ def test_no_bag_at_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     for bag in (single, single.parent):
         assert "is the bag itself, or one of its files" in words_of(capsys, bag, "-o", single)
     assert "is a folder; name a file" in words_of(capsys, single, "-o", tmp_path)
+    os.mkfifo(tmp_path / "pipe")  # as a device it would be replaced by the file
+    assert "is no file; name a file" in words_of(capsys, single, "-o", tmp_path / "pipe")
     assert main([str(single), "-o", str(tmp_path / "out.mcap")]) == 0
 
 
@@ -202,6 +214,8 @@ def test_a_package_that_is_missing_is_named(bag: str, capsys: Any, monkeypatch: 
         (["-r", "heights"], "-r 'heights' must be from:=to"),
         (["-r", f"{Path.home()}/heightmap:=/maps"], "put the remapping into quotes: '~/heightmap:=/maps'"),
         (["-r", "a b:=c"], "-r: topic name 'a b' is invalid: topic name must not contain characters other than"),
+        (["-r", "__ns:=robot"], "-r: Invalid namespace: namespace must be absolute, it must lead with a '/': 'robot'"),
+        (["-r", "__node:=my node"], "-r: Invalid node name: node name must not contain characters other than"),
         (["-p", "physics.rate=100"], "-p 'physics.rate=100' must be name:=value"),
         (["-p", "physics.rat:=100"], "did you mean 'physics.rate'?"),
         (["-p", "physics.rate:=fast"], "physics.rate is 'fast'"),
