@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.errors import InputError, as_float
+from smartmesh_ros.errors import InputError, as_float, require
 from smartmesh_ros.soil.config import SoilType, soil_table, soils_from
 from smartmesh_ros.terrain.grid import FloatArray, Region
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -75,11 +75,11 @@ class Soil:
         if kinds is not None and places.max() >= len(self.soils):
             last = len(self.soils) - 1
             raise InputError("soil", f"kinds are up to {places.max()}; they must be places in the list, 0 to {last}")
+        self.spacing = spacing
+        self.core: Any = CORE.Soil(self.map.core_reader, places, soil_table(self.soils), spacing)
+        self.slip_sinkage = slip_sinkage
         self.map.soil = places
         self._kinds = self.map.soil  # that the core knows
-        self.spacing = spacing
-        self.core: Any = CORE.Soil(self.map.core_reader, self.map.soil, soil_table(self.soils), spacing)
-        self.slip_sinkage = slip_sinkage
         self._changed = NO_PLACES  # corners (2, 2) of what `show` wrote since the last `changes`
 
     def __getstate__(self) -> None:
@@ -125,7 +125,8 @@ class Soil:
 
     @slip_sinkage.setter
     def slip_sinkage(self, on: bool) -> None:
-        self.core.sinks_by_slip = on
+        require(isinstance(on, bool | np.bool_), "soil", "slip_sinkage", on, "True or False")
+        self.core.sinks_by_slip = bool(on)
 
     def show(self) -> int:
         """Write what bodies pressed since the last call into the map: the mean of the soil around each sample. Returns

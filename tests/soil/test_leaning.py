@@ -7,7 +7,7 @@ import numpy as np
 import pybullet as pb
 import pytest
 
-from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, Soil, World
+from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, Soil, Sphere, World
 from smartmesh_ros.ground.shapes import Shape
 from studies.soil.vehicles import Cart
 from tests.bodies import about_z
@@ -78,3 +78,25 @@ def test_a_box_at_a_cliff_of_soil_stands_on_its_top() -> None:
             world.step(480)
             found.append(0.1 - world.state("box").position[2])
     assert found[0] < found[1] < 3.0 * found[0]
+
+
+@pytest.mark.parametrize("speed", [1.0, 2.0, 4.0])
+@pytest.mark.parametrize("shape", [Sphere(0.1), Cylinder(radius=0.1, height=0.1)])
+def test_a_wall_of_soil_higher_than_a_body_does_not_throw_it_up(shape: Shape, speed: float) -> None:
+    """Nobody pressed the wall down to the body's underside."""
+    soft = "{Bekker_Kphi: 1e5, Bekker_Kc: 0, Bekker_n: 1, Mohr_cohesion: 100, Mohr_friction: 30, Janosi_shear: 0.01}"
+    with world_on(soft, sleep=False) as world:
+        world.spawn("press", Box(0.8, 0.8, 0.8), 4000.0, BodyState((2.0, 2.0, 0.4)))
+        world.step(480)
+        floor = world.state("press").position[2] - 0.4
+        assert floor < -0.5
+        world.remove("press")
+        world.step()
+        lying = pb.getQuaternionFromEuler((math.radians(90.0), 0.0, 0.0))
+        start = BodyState((2.0, 2.0, floor + 0.1), lying, (speed, 0.0, 0.0), (0.0, speed / 0.1, 0.0))
+        world.spawn("body", shape, 2.0, start)
+        tops = []
+        for _ in range(480):
+            world.step()
+            tops.append(world.state("body").position[2] - floor - 0.1)
+        assert max(tops) < 0.75 * speed**2 / 9.81 + 0.05  # as high as its energy, with that of its spin, may lift it

@@ -240,13 +240,17 @@ def of_kinds(kinds: np.ndarray) -> Soil:
         (lambda: soil_named("{Bekker_Kphi: 1e6, Bekker_n: 1.0}"), "lacks Bekker_Kc, Mohr_cohesion, Mohr_friction"),
         (lambda: soil_named("{stiffness: 3}"), "no parameter 'stiffness'; the parameters are Bekker_Kphi"),
         (lambda: soil_named("{Bekker_Kphi: "), "is no YAML"),
-        (lambda: soil_named("{Bekker_Kphi: 2024-13-01}"), "is no YAML"),
+        *(
+            (lambda text=text: soil_named(f"{{Bekker_Kphi: {text}"), "is no YAML")
+            for text in ("2024-13-01}", "!!bool soft}", "!!timestamp now}", "{" * 2000)
+        ),
         (lambda: soil_named(OWN.replace("1.1", "soft")), "Bekker_n is 'soft'"),
         (lambda: of_kinds(np.zeros((3, 3), np.uint8)), r"shape \(3, 3\)"),
         (lambda: of_kinds(np.full((20, 20), 2)), "kinds are up to 2"),
         (lambda: of_kinds(np.full((20, 20), 255)), "255 to 255"),
         (lambda: of_kinds(np.zeros((20, 20))), "whole numbers"),
         (lambda: Soil(level(), "lunar", spacing=0.0), "spacing"),
+        *((lambda on=on: Soil(level(), "lunar", slip_sinkage=on), "slip_sinkage is") for on in ("no", None, 1)),
         (lambda: Soil(level(101, 10.0), "lunar"), r"on cells of 10 m; it must be above 0\.01 m"),
         (lambda: Soil(level(1000, 5.0), "lunar"), "raise spacing"),
         *((lambda soil=soil: Soil(level(), soil), "is no soil; give a SoilType") for soil in (5, [5], None)),

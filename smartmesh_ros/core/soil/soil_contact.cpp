@@ -97,7 +97,17 @@ void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, const Mo
       const Vec3 normal = placed.normal(offset, is_beside);
       const LoadedSoil& own = soils_[soil.kind(r, c)];
       const double loaded = sample.step >= step.last ? sample.pressure : 0.0;
-      const bool leaves = dot(linear + cross(angular, offset), normal) > 0.0;
+      const double parting = dot(linear + cross(angular, offset), normal);
+      const bool leaves = parting > 0.0;
+      // Soil higher than the part, which has come to be above the part's underside without the part's going down, was
+      // met from the side: nobody pressed it.
+      const double down = std::max(0.0, -parting) / std::max(normal.z, LEAST_VERTICAL) * step.dt;
+      if (sample.step < step.last && sample.level - sample.yield.plastic > placed.z - placed.lowest + down) {
+        if (deepest > 0.0) continue;
+        sample.yield.plastic = sample.level - (placed.z + low);
+        soil.note(r, c);
+        continue;
+      }
       under_.push_back({&sample, &own, r, c, offset, normal,
                         lever_at(offset, normal) * (1.0 / std::max(normal.z, LEAST_VERTICAL)), placed.z + low,
                         sample.level - sample.yield.plastic - loaded / own.elastic, row_.share[k] * spacing * spacing,
