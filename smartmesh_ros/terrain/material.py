@@ -162,7 +162,7 @@ def checked_soil(soil: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.uint8]:
     if array.size and not 0 <= array.min() <= array.max() < MOST_SOILS:
         found = f"{array.min()} to {array.max()}"
         raise InputError("soil", f"places of soils are {found}; they must be 0 to {MOST_SOILS - 1}")
-    return array.astype(np.uint8)
+    return array.astype(np.uint8, order="C")
 
 
 def _fits(number: float, allowed: Range) -> bool:

@@ -102,11 +102,13 @@ def read(state: bytes | str | os.PathLike[str]) -> bytes:
 def write(data: bytes, file: str | os.PathLike[str]) -> None:
     """Write a state to a file, as a whole or not at all; raises `InputError` if it cannot be written."""
     path, part = Path(file), Path(f"{os.fspath(file)}.part")
+    if path.exists() and not path.is_file():  # a device or a pipe, too, would be replaced
+        raise InputError("state", f"the state cannot be saved: {file} is no file; name a file")
     try:
         part.write_bytes(data)
         part.replace(path)
-    except OSError as error:
-        with suppress(OSError):  # of a path that no file can have
+    except (OSError, ValueError) as error:  # ValueError: a zero byte in the path
+        with suppress(OSError, ValueError):  # of a path that no file can have
             part.unlink(missing_ok=True)
         raise InputError("state", f"the state cannot be saved: {error}") from None
 

@@ -144,7 +144,7 @@ def test_what_slept_on_soil_and_touches_nothing_any_more_is_not_carried() -> Non
 
 
 def test_soils_are_where_kinds_say() -> None:
-    kinds = np.tile(np.arange(101) // 51, (101, 1))
+    kinds = np.asfortranarray(np.tile(np.arange(101, dtype=np.uint8) // 51, (101, 1)))
     with World(HeightMap(FLAT, resolution=0.04)) as world:
         for name, x in (("lunar", 1.0), ("clay", 3.0)):
             world.spawn(name, BOX, 20.0, BodyState((x, 2.0, 0.1)))

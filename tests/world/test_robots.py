@@ -1,5 +1,6 @@
 """Robots with odd centres of mass, fixed bases and contacts of their own; frames: tests/node/test_robots.py."""
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,20 @@ def test_a_link_whose_centre_of_mass_is_below_the_ground_beside_its_shape_is_no_
         assert world.state("keel").position[2] == pytest.approx(-0.25, abs=0.01)
         assert world.rescues == 0
         assert world.below_ground() == []
+
+
+def test_threads_load_robots_of_one_description(tmp_path: Path) -> None:
+    """Each in a world of its own."""
+    urdfs = [robot(link("base", f'<sphere radius="{0.1 + 0.01 * number}"/>')) for number in range(20)]
+
+    def load(number: int) -> float:
+        with World(level()) as world:
+            world.spawn_robot("robot", urdfs[number // 8], BodyState((0.0, 0.0, 1.0)))
+            return world.bodies["robot"].radius
+
+    with ThreadPoolExecutor(8) as threads:
+        found = [*threads.map(load, range(160))]
+    assert found == pytest.approx([0.1 + 0.01 * (number // 8) for number in range(160)], abs=1e-6)
 
 
 # A pole of 1 m whose root is the world, and an arm on a hinge at its top.

@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import pickle
 import zipfile
 from collections.abc import Callable, Iterator
@@ -155,10 +156,12 @@ def test_a_file_that_cannot_be_read_or_written_changes_nothing(world: World, tmp
         world.restore(tmp_path / "none.npz")
     with pytest.raises(InputError, match="cannot be saved"):
         world.save(tmp_path / "no folder" / "state.npz")
-    (tmp_path / "state.npz").mkdir()
-    with pytest.raises(InputError, match="cannot be saved"):
-        world.save(tmp_path / "state.npz")
-    assert [path.name for path in tmp_path.iterdir()] == ["state.npz"]
+    (tmp_path / "folder").mkdir()
+    os.mkfifo(tmp_path / "pipe")
+    for name in ("folder", "pipe", "zero \0 byte"):
+        with pytest.raises(InputError, match="cannot be saved"):
+            world.save(tmp_path / name)
+    assert {path.name: path.is_file() for path in tmp_path.iterdir()} == {"folder": False, "pipe": False}
     assert world.state_bytes() == before
 
 

@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
+from threading import Lock
 from typing import Any
 from xml.etree import ElementTree
 
@@ -32,20 +33,25 @@ GEAR_ERP = 0.2
 PYBULLETS_FASTEST = 100.0
 
 
+# Threads share the files of robots.
+_lock = Lock()
+
+
 def load_robot(client: Any, robot: PreparedRobot, flags: int) -> int:
     """Load a robot at the origin by ``loadURDF``, and return its PyBullet body. Raises `InputError`."""
+    text = robot.text.encode()
+    urdf = f"{hashlib.sha256(text).hexdigest()[:32]}.urdf"
     try:
-        folder = Path(_folder().name)
-        folder.mkdir(exist_ok=True)  # a cleaner of temporary files may have removed it
-        # PyBullet remembers OBJ files by name; these names differ with the content.
-        for name, data in robot.files.items():
-            if not (folder / name).exists():
-                unfinished = folder / f"{name}.part"  # a file that could not be written whole is not taken for one
-                unfinished.write_bytes(data)
-                unfinished.rename(folder / name)
-        file = folder / f"{hashlib.sha256(robot.text.encode()).hexdigest()[:32]}.urdf"
-        file.write_text(robot.text, encoding="utf-8")
-        return int(client.loadURDF(str(file), flags=flags))
+        with _lock:
+            folder = Path(_folder().name)
+            folder.mkdir(exist_ok=True)  # a cleaner of temporary files may have removed it
+            # PyBullet remembers OBJ files by name; these names differ with the content.
+            for name, data in {**robot.files, urdf: text}.items():
+                if not (folder / name).exists():
+                    unfinished = folder / f"{name}.part"  # a file that could not be written whole is not taken for one
+                    unfinished.write_bytes(data)
+                    unfinished.rename(folder / name)
+        return int(client.loadURDF(str(folder / urdf), flags=flags))
     except (pb.error, OSError) as error:
         raise InputError("urdf", f"the URDF does not load ({error}); check it with check_urdf") from None
 
