@@ -25,7 +25,7 @@ def test_a_link_whose_centre_of_mass_is_below_the_ground_beside_its_shape_is_no_
         assert world.below_ground() == []
 
 
-def test_threads_load_robots_of_one_description(tmp_path: Path) -> None:
+def test_threads_load_robots_of_one_description() -> None:
     """Each in a world of its own."""
     urdfs = [robot(link("base", f'<sphere radius="{0.1 + 0.01 * number}"/>')) for number in range(20)]
 

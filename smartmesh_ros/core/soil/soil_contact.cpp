@@ -59,7 +59,7 @@ Mat3 inertia_of(const Solid& solid, double mass) {
 }
 
 // Fills `under_` with the samples that a part whose rim slips reaches if it goes down by `deepest` [m]; zero = all
-// whose level it is below, also those that have sunk away from it.
+// whose level it is below, also those that have sunk away from it; then it makes room where soil was met from the side.
 void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, const MovingSolid& moving, double slip,
                            double deepest, const SoilStep& step) {
   under_.clear();
@@ -99,8 +99,8 @@ void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, const Mo
       const double loaded = sample.step >= step.last ? sample.pressure : 0.0;
       const double parting = dot(linear + cross(angular, offset), normal);
       const bool leaves = parting > 0.0;
-      // Soil higher than the part, which has come to be above the part's underside without the part's going down, was
-      // met from the side: nobody pressed it.
+      // The part was not above this sample in the last step, and did not go down as far as the soil stands above it: it
+      // met a wall higher than itself from the side. Nobody pressed that soil, so it bears nothing and makes room.
       const double down = std::max(0.0, -parting) / std::max(normal.z, LEAST_VERTICAL) * step.dt;
       if (sample.step < step.last && sample.level - sample.yield.plastic > placed.z - placed.lowest + down) {
         if (deepest > 0.0) continue;
