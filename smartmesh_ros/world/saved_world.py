@@ -100,8 +100,8 @@ class SavedWorld(Population):
         its motion, corrections, materials and decks, the soil, the settings and the time. Not in it are remote bodies,
         which their owners send again, and what was set through ``client``. This world is rebuilt from the state, so
         that it goes on to the last bit as any that is restored from it: both start without the impulses of the contacts
-        before, carriers of decks without the acceleration before,
-        and what slept wakes, and sleeps again after a few steps. Raises `InputError` if the file cannot be written.
+        before, and what slept wakes, and sleeps again after a few steps. Raises `InputError` if the file cannot be
+        written.
         """
         data = self._saved(extra)
         if file is not None:

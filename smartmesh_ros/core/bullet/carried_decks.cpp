@@ -1,54 +1,58 @@
 #include "bullet/carried_decks.h"
 
 #include <algorithm>
-#include <utility>
 
-#include <BulletCollision/NarrowPhaseCollision/btManifoldPoint.h>
+#include <BulletCollision/NarrowPhaseCollision/btPersistentManifold.h>
 
-#include "bullet/carrier.h"
+#include "bullet/object_velocity.h"
 
 namespace smartmesh {
+
+namespace {
+
+// The manifolds that Bullet has for one step alone: it solves them, and joins the islands of their bodies.
+struct OneStep : btDiscreteDynamicsWorld {
+  static auto& manifolds(btDiscreteDynamicsWorld& world) { return static_cast<OneStep&>(world).m_predictiveManifolds; }
+};
+
+}  // namespace
 
 void CarriedDecks::find_carriers() {
   const auto& decks = now_.terrain->decks();
   const bool same =
       layout_ == now_.terrain->layout() && objects_ == attached_.searches() &&
-      std::equal(carried_.begin(), carried_.end(), decks.begin(), [](const Carried& known, const Deck* deck) {
+      std::equal(carriers_.begin(), carriers_.end(), decks.begin(), [](const Carrier& known, const Deck* deck) {
         return known.body == deck->body && known.link == deck->link;
       });
   if (same) return;
   layout_ = now_.terrain->layout(), objects_ = attached_.searches();
-  const std::vector<Carried> before = std::exchange(carried_, {});
+  carriers_.clear();
   for (const Deck* deck : decks) {
-    Carried now{deck->body, deck->link};
-    if (deck->body >= 0) now.object = find_object(now_.world, {deck->body, deck->link});
-    for (const Carried& it : before)
-      if (it.body == now.body && it.link == now.link && it.object == now.object) now = it;
-    carried_.push_back(now);
+    Carrier carrier{deck->body, deck->link};
+    if (deck->body >= 0) carrier.object = find_object(now_.world, {deck->body, deck->link});
+    carriers_.push_back(carrier);
   }
 }
 
-// They are accelerated as the carriers were by the last two steps, as far as these agree.
 void CarriedDecks::move() {
   find_carriers();
-  for (std::size_t k = 0; k < carried_.size(); ++k) {
+  for (std::size_t k = 0; k < carriers_.size(); ++k) {
     Deck& deck = *now_.terrain->decks()[k];
-    Carried& carried = carried_[k];
-    if (deck.body >= 0 && carried.object == nullptr) deck.motion.stop(now_.time);
-    if (carried.object == nullptr) continue;
-    const btTransform& pose = carried.object->getWorldTransform();
+    Carrier& carrier = carriers_[k];
+    if (deck.body >= 0 && carrier.object == nullptr) deck.motion.stop(now_.time);
+    if (carrier.object == nullptr) continue;
+    const btTransform& pose = carrier.object->getWorldTransform();
     const Vec3 arm = from_bullet(pose.getBasis() * to_bullet(deck.place.at));
     const auto [at, orientation] = body_pose(pose);
     FrameSample sample{now_.time, at + arm, orientation * deck.place.orientation};
-    if (!carried.is_moved()) {
+    if (!carrier.is_moved()) {
       deck.motion.note(sample);
       continue;
     }
-    const FrameVelocity velocity = carried.start = velocity_of(*carried.object), &change = carried.change;
+    const FrameVelocity velocity = carrier.velocity = velocity_of(*carrier.object);
     const Vec3 swing = cross(velocity.angular, arm);
     sample.is_told = 1.0, sample.velocity = {velocity.linear + swing, velocity.angular};
-    deck.motion.set(sample,
-                    {change.linear + cross(change.angular, arm) + cross(velocity.angular, swing), change.angular});
+    deck.motion.set(sample, {cross(velocity.angular, swing), {}});
   }
 }
 
@@ -62,43 +66,42 @@ double CarriedDecks::find_near(Slot& slot, const Bounds& bounds) const {
     if (decks[k]->body == slot.body || !is_near(*decks[k], bounds, slot.linear, now_.time, now_.duration, near))
       continue;
     moved = std::max(moved, near.moved);
-    slot.is_on_carrier |= carried_[k].is_moved();
+    slot.is_on_carrier |= carriers_[k].is_moved();
     slot.decks.push_back(near);
   }
   return moved;
 }
 
-void CarriedDecks::let_yield(std::vector<Contact>& contacts) const {
-  for (Contact& contact : contacts) {
-    if (contact.deck < 0 || carried_[contact.deck].object == nullptr) continue;
-    const auto shares =
-        std::count_if(contacts.begin(), contacts.end(), [&](const Contact& c) { return c.deck == contact.deck; });
-    contact.yields =
-        yield_of(*carried_[contact.deck].object, contact.point, contact.normal) * static_cast<double>(shares);
-  }
+const Carrier* CarriedDecks::carrier_of(int deck) const {
+  return now_.stepping && deck >= 0 && carriers_[deck].is_moved() ? &carriers_[deck] : nullptr;
 }
 
-void CarriedDecks::react(const std::vector<TruePoint>& told) {
-  const double rate = 1.0 / now_.duration;
-  for (Carried& carried : carried_) {
-    if (!carried.is_moved()) continue;
-    const FrameVelocity change = difference(velocity_of(*carried.object), carried.start, rate);
-    carried.change = agreed(change, carried.last);
-    carried.last = change;
+btPersistentManifold& CarriedDecks::manifold_with(const Carrier& carrier, const Slot& slot,
+                                                  btPersistentManifold& with_proxy) {
+  for (const Shared& it : shared_)
+    if (it.with_proxy == &with_proxy && it.carrier == carrier.object) return *it.with_carrier;
+  const bool ground_is_b = with_proxy.getBody0() == slot.object;
+  const btCollisionObject *a = slot.object, *b = carrier.object;
+  btPersistentManifold* manifold = now_.world.getDispatcher()->getNewManifold(ground_is_b ? a : b, ground_is_b ? b : a);
+  OneStep::manifolds(now_.world).push_back(manifold);
+  shared_.push_back({manifold, &with_proxy, carrier.object});
+  return *manifold;
+}
+
+void CarriedDecks::end_step() {
+  for (const auto& [with_carrier, with_proxy, carrier] : shared_) {
+    for (int k = 0; k < with_carrier->getNumContacts(); ++k) {
+      const int count = with_proxy->getNumContacts();
+      with_proxy->setNumContacts(count + 1);
+      const btManifoldPoint& point = with_proxy->getContactPoint(count) = with_carrier->getContactPoint(k);
+      if (point.m_appliedImpulse == 0.0) continue;
+      if (const int body = name_of(*carrier).body; body >= 0) sleep_.wake(body);
+      carrier->activate();
+    }
+    OneStep::manifolds(now_.world).remove(with_carrier);
+    now_.world.getDispatcher()->releaseManifold(with_carrier);
   }
-  for (const TruePoint& it : told) {
-    if (it.deck < 0 || !carried_[it.deck].is_moved()) continue;
-    btCollisionObject& object = *carried_[it.deck].object;
-    const btManifoldPoint& point = *it.point;
-    const btVector3 on_a = point.m_normalWorldOnB * point.m_appliedImpulse +
-                           point.m_lateralFrictionDir1 * point.m_appliedImpulseLateral1 +
-                           point.m_lateralFrictionDir2 * point.m_appliedImpulseLateral2;
-    const Vec3 at = from_bullet(it.ground_is_b ? it.on_b : it.on_a);
-    if (on_a.fuzzyZero()) continue;
-    if (const int body = name_of(object).body; body >= 0) sleep_.wake(body);
-    object.activate();
-    push(object, at, from_bullet(it.ground_is_b ? -on_a : on_a), now_.duration);
-  }
+  shared_.clear();
   move();
 }
 

@@ -1,12 +1,20 @@
-// Decks in a step: those that bodies carry move with them, and their carriers take the reaction.
+// Decks in a step: those that bodies carry move with them, and what is on such a deck touches its carrier.
 #pragma once
-
-#include <vector>
 
 #include "bullet/contact_points.h"
 #include "bullet/sleep.h"
 
 namespace smartmesh {
+
+// What carries a deck, by PyBullet's numbers, and its velocity at the start of the step; null = nothing.
+struct Carrier {
+  int body = -1, link = -1;
+  btCollisionObject* object = nullptr;
+  FrameVelocity velocity;
+
+  // True if something carries the deck that physics moves.
+  bool is_moved() const { return object != nullptr && !object->isStaticOrKinematicObject(); }
+};
 
 class CarriedDecks {
  public:
@@ -17,30 +25,29 @@ class CarriedDecks {
   // Notes the decks that the body in a slot, inside some bounds, comes near to in the step; returns by how much they
   // may move [m], negative if there is none.
   double find_near(Slot& slot, const Bounds& bounds) const;
-  // Lets contacts yield as their carriers do. Contacts of a body with one deck share their load.
-  void let_yield(std::vector<Contact>& contacts) const;
-  // Lets carriers take the impulses of the step on what is on their decks, at the end of the step.
-  void react(const std::vector<TruePoint>& told);
-  void forget() { carried_.clear(), layout_ = -1; }
+
+  // Returns what carries a deck in a step and is moved by physics; null if there is nothing.
+  const Carrier* carrier_of(int deck) const;
+  // Returns the manifold of a body and a carrier for this step, in place of the one of the body and its proxy.
+  btPersistentManifold& manifold_with(const Carrier& carrier, const Slot& slot, btPersistentManifold& with_proxy);
+  // Hands the contacts of the step with carriers over to the manifolds with proxies, at its end, and wakes the
+  // carriers.
+  void end_step();
 
  private:
-  // What carries a deck, by PyBullet's numbers; null = nothing. `start`: of its centre of mass in this step. `last`,
-  // `change`: its change in the last step [m/s^2], and as far as it agrees with the step before.
-  struct Carried {
-    int body = -1, link = -1;
-    btCollisionObject* object = nullptr;
-    FrameVelocity start, last, change;
-
-    // True if something carries the deck that physics moves.
-    bool is_moved() const { return object != nullptr && !object->isStaticOrKinematicObject(); }
+  // The manifold that the solver has, and the one that is read between steps.
+  struct Shared {
+    btPersistentManifold *with_carrier, *with_proxy;
+    btCollisionObject* carrier;
   };
   void find_carriers();
 
   const Instant& now_;
   Attached& attached_;
   Sleep& sleep_;
-  std::vector<Carried> carried_;     // by the decks' numbers, as of a layout of the tiles
+  std::vector<Carrier> carriers_;    // by the decks' numbers, as of a layout of the tiles
   long layout_ = -1, objects_ = -1;  // and of a search for objects
+  std::vector<Shared> shared_;       // in this step
 };
 
 }  // namespace smartmesh

@@ -37,7 +37,7 @@ btManifoldPoint point_of(const Contact& contact, const Touching& touching) {
   return point;
 }
 
-// Tells the solver the least speed along the normal, relative to the proxy [m/s].
+// Tells the solver the least speed along the normal, relative to the ground object [m/s].
 void tell_speed(double speed, double softness, const Touching& touching, btManifoldPoint& point) {
   const double dt = touching.duration;
   if (softness > 0.0) {
@@ -64,18 +64,18 @@ btVector3 scaled(const btVector3& way, const btCollisionObject& body) {
   return axes * (way * axes * shares);
 }
 
-// Tells the solver the velocity of the ground, relative to the proxy, that friction aims at [m/s], and against which
-// slip it acts.
+// Tells the solver the velocity of the ground, relative to the ground object, that friction aims at [m/s], and against
+// which slip it acts.
 void tell_slide(const Vec3& slide, const Slip& slip, const Vec3& normal, const Touching& touching,
                 btManifoldPoint& point) {
   btVector3 &first = point.m_lateralFrictionDir1, &second = point.m_lateralFrictionDir2;
   btPlaneSpace1(point.m_normalWorldOnB, first, second);
   const btVector3 aim = to_bullet(slide);
-  if (btRigidBody::upcast(&touching.body) == nullptr) {
+  if (btRigidBody::upcast(&touching.body) == nullptr || btRigidBody::upcast(&touching.ground) == nullptr) {
     // As if the body held on to a point of the ground that is where its own is, and which friction pulls it to in the
     // step. The way from the ground to the body has no part in that: it is not along the normal if that is turned.
-    // If the proxy turns, that point has another velocity than the contact: way / time + angular velocity x way = aim.
-    const btVector3 turn = touching.ground.getAngularVelocity() * touching.anchor_time;
+    // If the ground turns, that point has another velocity than the contact: way / time + angular velocity x way = aim.
+    const btVector3 turn = to_bullet(touching.motion.angular) * touching.anchor_time;
     const btVector3 way =
         (aim + turn * turn.dot(aim) - turn.cross(aim)) * (touching.anchor_time / (1.0 + turn.length2()));
     if (way.fuzzyZero()) return;
@@ -124,41 +124,35 @@ void read_contacts(const btPersistentManifold& manifold, std::vector<OldContact>
   }
 }
 
-void write_contacts(const std::vector<Contact>& contacts, const std::vector<ContactRow>& rows,
-                    const std::vector<OldContact>& before, const Touching& touching, btPersistentManifold& manifold,
-                    std::vector<TruePoint>& told) {
+TruePoint add_contact(const Contact& contact, const ContactRow& row, const OldContact* old, const Touching& touching,
+                      btPersistentManifold& manifold) {
   const double sign = touching.ground_is_b ? 1.0 : -1.0;
-  const btTransform& proxy = touching.ground.getWorldTransform();
+  const int count = manifold.getNumContacts();
+  manifold.setNumContacts(count + 1);
   manifold.setContactBreakingThreshold(FARTHEST);
-  const int count = std::min<int>(static_cast<int>(contacts.size()), MANIFOLD_CACHE_SIZE);
-  for (int k = 0; k < count; ++k) {
-    const Contact& contact = contacts[k];
-    const ContactRow& row = rows[k];
-    btManifoldPoint& point = manifold.getContactPoint(k) = point_of(contact, touching);
-    told.push_back({&point, point.m_distance1, point.m_positionWorldOnA, point.m_positionWorldOnB, touching.ground_is_b,
-                    contact.deck});
-    point.m_positionWorldOnA += to_bullet(row.at - contact.point);
-    point.m_positionWorldOnB += to_bullet(row.at - contact.point);
-    point.m_normalWorldOnB = to_bullet(row.normal * sign);
-    point.m_combinedFriction = row.friction.sliding;
-    point.m_combinedRollingFriction = row.friction.rolling;
-    point.m_combinedSpinningFriction = row.friction.spinning;
-    point.m_combinedRestitution = 0.0;  // the speed of the row has it
-    const btVector3& on_ground = touching.ground_is_b ? point.m_positionWorldOnB : point.m_positionWorldOnA;
-    const auto carried = [&] {
-      return from_bullet(touching.ground.getVelocityInLocalPoint(on_ground - proxy.getOrigin()));
-    };
-    tell_slide(row.slide - carried(), row.slip, row.normal, touching, point);
-    tell_speed(row.speed - dot(row.normal, carried()), row.softness, touching, point);
-    const OldContact* old = matching(contact, before, touching.duration);
-    if (old == nullptr) continue;
-    const btVector3 friction = to_bullet(old->friction * sign);
-    point.m_appliedImpulse = old->normal_impulse;
-    point.m_appliedImpulseLateral1 = friction.dot(point.m_lateralFrictionDir1);
-    point.m_appliedImpulseLateral2 = friction.dot(point.m_lateralFrictionDir2) / point.m_lateralFrictionDir2.length2();
-    point.m_lifeTime = 1;
-  }
-  manifold.setNumContacts(count);
+  btManifoldPoint& point = manifold.getContactPoint(count) = point_of(contact, touching);
+  const TruePoint is{&point, point.m_distance1, point.m_positionWorldOnA, point.m_positionWorldOnB};
+  point.m_positionWorldOnA += to_bullet(row.at - contact.point);
+  point.m_positionWorldOnB += to_bullet(row.at - contact.point);
+  point.m_normalWorldOnB = to_bullet(row.normal * sign);
+  point.m_combinedFriction = row.friction.sliding;
+  point.m_combinedRollingFriction = row.friction.rolling;
+  point.m_combinedSpinningFriction = row.friction.spinning;
+  point.m_combinedRestitution = 0.0;  // the speed of the row has it
+  const btVector3& on_ground = touching.ground_is_b ? point.m_positionWorldOnB : point.m_positionWorldOnA;
+  const auto carried = [&] {
+    const Vec3 arm = from_bullet(on_ground - touching.ground.getWorldTransform().getOrigin());
+    return touching.motion.linear + cross(touching.motion.angular, arm);
+  };
+  tell_slide(row.slide - carried(), row.slip, row.normal, touching, point);
+  tell_speed(row.speed - dot(row.normal, carried()), row.softness, touching, point);
+  if (old == nullptr) return is;
+  const btVector3 friction = to_bullet(old->friction * sign);
+  point.m_appliedImpulse = old->normal_impulse;
+  point.m_appliedImpulseLateral1 = friction.dot(point.m_lateralFrictionDir1);
+  point.m_appliedImpulseLateral2 = friction.dot(point.m_lateralFrictionDir2) / point.m_lateralFrictionDir2.length2();
+  point.m_lifeTime = 1;
+  return is;
 }
 
 }  // namespace smartmesh

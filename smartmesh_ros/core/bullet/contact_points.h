@@ -6,11 +6,11 @@
 #include <LinearMath/btVector3.h>
 
 #include "contact/contact_row.h"
+#include "ground/frame_motion.h"
 
 class btCollisionObject;
 class btManifoldPoint;
 class btPersistentManifold;
-class btRigidBody;
 
 namespace smartmesh {
 
@@ -20,29 +20,27 @@ void read_contacts(const btPersistentManifold& manifold, std::vector<OldContact>
 // Returns what Bullet knows of a body's surface on its ground.
 BodySurface surface_of(const btCollisionObject& body, const btCollisionObject& ground);
 
-// A body and its ground proxy in a step. `duration` [s]; `slop` [m]: depth that the solver leaves; `anchor_time` [s]:
-// in which the solver's friction closes a distance.
+// A body and its ground in a step: its proxy, or what carries the deck that it is on. `motion`: of that object's
+// centre, as the solver finds it. `duration` [s]; `slop` [m]: depth that the solver leaves; `anchor_time` [s]: in which
+// the solver's friction closes a distance.
 struct Touching {
-  const btCollisionObject& body;
-  const btRigidBody& ground;
+  const btCollisionObject &body, &ground;
+  FrameVelocity motion;
   bool ground_is_b;
   double duration, slop, anchor_time;
 };
 
-// What is true of a point, where the solver was told otherwise to do the right thing. `deck`: as in Contact.
+// What is true of a point, where the solver was told otherwise to do the right thing.
 struct TruePoint {
   btManifoldPoint* point;
   double distance;
   btVector3 on_a, on_b;
-  bool ground_is_b;
-  int deck;
 };
 
-// Puts contacts into a manifold in place of those of the last step, whose impulses go on, with what the solver has to
-// bring about: along the normal by the distance of a point; along the ground by its desired motion, or by an anchor of
-// friction for solvers that read no motion. `told`: takes what is true of the points.
-void write_contacts(const std::vector<Contact>& contacts, const std::vector<ContactRow>& rows,
-                    const std::vector<OldContact>& before, const Touching& touching, btPersistentManifold& manifold,
-                    std::vector<TruePoint>& told);
+// Adds a contact to a manifold, with what the solver has to bring about: along the normal by the distance of the point;
+// along the ground by its desired motion, or by an anchor of friction for solvers that read no motion. `old`: the
+// contact in the last step, whose impulse goes on; null = there was none. Returns what is true of the point.
+TruePoint add_contact(const Contact& contact, const ContactRow& row, const OldContact* old, const Touching& touching,
+                      btPersistentManifold& manifold);
 
 }  // namespace smartmesh

@@ -4,6 +4,7 @@
 
 #include <BulletCollision/CollisionDispatch/btCollisionObjectWrapper.h>
 
+#include "bullet/object_velocity.h"
 #include "bullet/shape_parts.h"
 #include "contact/foundation.h"
 
@@ -72,9 +73,19 @@ void Narrowphase::tell(Slot& slot, const Approach& approach, const Vec3& pull, b
     find_slips(contacts_, before, approach, pull, slot.pull, mass_of(*slot.object), rows_);
   }
   const bool ground_is_b = manifold.getBody0() == slot.object;
-  const double slop = now_.world.getSolverInfo().m_linearSlop;
-  write_contacts(contacts_, rows_, before_, {*slot.object, *slot.ground, ground_is_b, step, slop, anchor_time(step)},
-                 manifold, told);
+  const double slop = now_.world.getSolverInfo().m_linearSlop, anchor = anchor_time(step);
+  const FrameVelocity proxy = velocity_of(*slot.ground);
+  manifold.setNumContacts(0);
+  const std::size_t count = std::min<std::size_t>(contacts_.size(), MANIFOLD_CACHE_SIZE);
+  for (std::size_t k = 0; k < count; ++k) {
+    const Contact& contact = contacts_[k];
+    const Carrier* carrier = carried_.carrier_of(contact.deck);
+    btPersistentManifold& into = carrier == nullptr ? manifold : carried_.manifold_with(*carrier, slot, manifold);
+    const btCollisionObject& ground = carrier == nullptr ? *slot.ground : *carrier->object;
+    const FrameVelocity& motion = carrier == nullptr ? proxy : carrier->velocity;
+    const Touching touching{*slot.object, ground, motion, ground_is_b, step, slop, anchor};
+    told.push_back(add_contact(contact, rows_[k], matching(contact, before_, step), touching, into));
+  }
 }
 
 void Narrowphase::touch_ground(const Slot& slot, const Convex& shape, const Pose& pose, const SoilBelow& soil,
@@ -89,7 +100,6 @@ void Narrowphase::touch_ground(const Slot& slot, const Convex& shape, const Pose
   }
   choose_contacts(shape, pose, approach, before_, contacts_);
   search_.find_rotations(contacts_);
-  if (search_.has_decks()) carried_.let_yield(contacts_);
   const bool has_material = now_.terrain->has_material();
   if (has_material)
     for (Contact& contact : contacts_)

@@ -14,7 +14,7 @@ namespace smartmesh {
 
 class Narrowphase {
  public:
-  Narrowphase(const Instant& now, Attached& attached, const CarriedDecks& carried)
+  Narrowphase(const Instant& now, Attached& attached, CarriedDecks& carried)
       : now_(now), attached_(attached), carried_(carried) {}
 
   // Finds the contacts of a part of the body in a slot with the ground, in a step of some duration [s]. `with_soil`:
@@ -46,7 +46,7 @@ class Narrowphase {
 
   const Instant& now_;
   Attached& attached_;
-  const CarriedDecks& carried_;
+  CarriedDecks& carried_;
   std::vector<Contact> contacts_;
   std::vector<OldContact> before_;
   std::vector<ContactRow> rows_;

@@ -4,7 +4,7 @@
 
 #include <BulletCollision/CollisionShapes/btConvexShape.h>
 
-#include "bullet/carrier.h"
+#include "bullet/object_velocity.h"
 #include "bullet/shape_parts.h"
 
 namespace smartmesh {

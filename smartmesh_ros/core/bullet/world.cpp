@@ -5,7 +5,6 @@
 #include <BulletCollision/BroadphaseCollision/btBroadphaseInterface.h>
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 
-#include "bullet/carrier.h"
 #include "bullet/shape_parts.h"
 
 namespace smartmesh {
@@ -158,14 +157,18 @@ void BulletWorld::wake(int index) {
 void BulletWorld::forget() {
   sleep.wake_all();
   renew_broadphase(now.world);
-  sleep.forget(), decks.forget();
+  sleep.forget();
   for (Slot& slot : attached.slots) {
     slot.pull = slot.ground_angular = {};
     slot.still = 0.0, slot.anchor = SlotMemory{}.anchor;
     slot.on_soil.clear();
   }
   auto& objects = now.world.getCollisionObjectArray();
-  for (int k = 0; k < objects.size(); ++k) objects[k]->setDeactivationTime(0.0), renew_inertia(*objects[k]);
+  for (int k = 0; k < objects.size(); ++k) {
+    objects[k]->setDeactivationTime(0.0);
+    // PyBullet's `restoreState` leaves the inertia as it lay before.
+    if (auto* body = btRigidBody::upcast(objects[k])) body->setCenterOfMassTransform(body->getWorldTransform());
+  }
 }
 
 }  // namespace smartmesh

@@ -81,9 +81,9 @@ void BulletWorld::after_step() {
   now.duration = now.world.getDispatchInfo().m_timeStep;
   now.time += now.duration;
   now.terrain->note_shown(now.time);
-  narrowphase.press_soil();
-  if (!now.terrain->decks().empty()) decks.react(narrowphase.told);
   narrowphase.restore_told();
+  if (!now.terrain->decks().empty()) decks.end_step();
+  narrowphase.press_soil();
   sleep.note_rest();
 }
 

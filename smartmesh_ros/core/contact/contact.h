@@ -18,9 +18,8 @@ enum class NormalOf { Ground, Body, Edges };
 // Contact point. `point`: on the ground [m]. `normal`: unit, from the ground into the body. `distance` [m]: negative
 // inside the ground. `body_feature`, `ground_feature`: names of the two features, equal from step to step. `material`,
 // `ground`: material of the ground there, and its motion, mean over the step. `deck`: number of the deck that it is on,
-// -1 = none. `on_mesh`: it is on a triangle mesh. `yields` [1/kg]: change of the ground's velocity by an impulse along
-// the normal. `body_edge`, `ground_edge`: unit directions of edges that cross. `ground_turn` [1/s]: rate of change of
-// `ground_edge`.
+// -1 = none. `on_mesh`: it is on a triangle mesh. `body_edge`, `ground_edge`: unit directions of edges that cross.
+// `ground_turn` [1/s]: rate of change of `ground_edge`.
 struct Contact {
   Vec3 point, normal;
   double distance;
@@ -29,7 +28,6 @@ struct Contact {
   GroundMotion ground{};
   int deck = -1;
   bool on_mesh = false;
-  double yields = 0.0;
   NormalOf normal_of = NormalOf::Ground;
   Vec3 body_edge{}, ground_edge{}, ground_turn{};
 };

@@ -94,7 +94,6 @@ ContactRow row_of(const Contact& contact, const Approach& approach, const BodySu
     // Rigid contacts may share a load in any way. These share it as equal springs, 0.1 mm deep at 240 Hz.
     row.softness = std::max(row.softness, 1.0 / body.mass);
   }
-  row.softness += contact.yields;
   row.friction = body.friction;
   row.friction.sliding *= contact.material.friction;
   return row;

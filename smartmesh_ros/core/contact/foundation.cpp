@@ -202,7 +202,7 @@ void lay_on_foundation(const Convex& shape, const Pose& pose, const Approach& ap
     contact.ground.velocity = contact.ground.velocity + differs, row.slide = row.slide + differs - turned;
     row.at = contact.point = at, row.normal = contact.normal;
     row.speed = dot(contact.normal, contact.ground.velocity) + (force + share * spring * dt * speed) / slope;
-    row.softness = std::max(1.0 / (dt * slope), norm2(body.belt) > 0.0 ? 1.0 / body.mass : 0.0) + contact.yields;
+    row.softness = std::max(1.0 / (dt * slope), norm2(body.belt) > 0.0 ? 1.0 / body.mass : 0.0);
   }
 }
 

@@ -43,15 +43,20 @@ FrameVelocity between(const FrameSample& before, const FrameSample& after) {
   return {(after.at - before.at) * rate, rotation_vector(before.orientation, after.orientation) * rate};
 }
 
+// Returns the difference of two velocities, times a `rate` [1/s].
+FrameVelocity difference(const FrameVelocity& a, const FrameVelocity& b, double rate) {
+  return {(a.linear - b.linear) * rate, (a.angular - b.angular) * rate};
+}
+
 Vec3 agreed_by_axis(const Vec3& change, const Vec3& before) {
   return {agreed(change.x, before.x), agreed(change.y, before.y), agreed(change.z, before.z)};
 }
 
-}  // namespace
-
 FrameVelocity agreed(const FrameVelocity& change, const FrameVelocity& before) {
   return {agreed_by_axis(change.linear, before.linear), agreed_by_axis(change.angular, before.angular)};
 }
+
+}  // namespace
 
 void FrameMotion::put(const FrameSample& sample) {
   FrameSample& now = samples[0];

@@ -12,13 +12,6 @@ struct FrameVelocity {
   Vec3 linear, angular;
 };
 
-// Returns the difference of two velocities, times a `rate` [1/s].
-inline FrameVelocity difference(const FrameVelocity& a, const FrameVelocity& b, double rate) {
-  return {(a.linear - b.linear) * rate, (a.angular - b.angular) * rate};
-}
-// Returns a change of a velocity as far as the change before agrees; see `agreed` in motion.h.
-FrameVelocity agreed(const FrameVelocity& change, const FrameVelocity& before);
-
 // A frame at one instant.
 struct FrameState {
   Pose pose;
