@@ -87,7 +87,7 @@ class Ground(SavedBodies):
 
         ``position`` [m], ``orientation`` (x, y, z, w): of the deck's frame in that of the centre of mass. The body does
         not touch the deck itself. A body that physics moves takes the reaction of what is on the deck, in the same
-        step, and stays awake with it. Raises `InputError` if there is no such deck, body or link.
+        step. Raises `InputError` if there is no such deck, body or link.
         """
         it = self.terrain.deck(deck)
         if body is not None:

@@ -177,6 +177,22 @@ def test_a_load_of_any_mass_rests_on_its_carrier_also_on_a_slope_and_off_the_mid
         assert rides == pytest.approx([off, 0.0, 0.21], abs=2e-4)
 
 
+@pytest.mark.parametrize("pushed", ["sledge", "load"])
+@pytest.mark.parametrize("off", [0.1, 0.4])  # 0.4: most of the load is beside what the sledge itself is above
+def test_a_carrier_and_its_load_sleep_once_they_rest_and_wake_together(off: float, pushed: str) -> None:
+    with on_sledge(level(81, 0.5), Box(0.2, 0.2, 0.2), (20.0, 3.0), BodyState((off, 0.0, 0.31))) as world:
+        world.step(480)
+        assert world.is_asleep("sledge")
+        assert world.is_asleep("load")
+        world.client.resetBaseVelocity(world.bodies[pushed].uid, (0.0, 0.5, 0.0))
+        world.step(3)
+        assert not world.is_asleep("sledge")
+        assert not world.is_asleep("load")
+        world.step(480)
+        assert world.is_asleep("sledge")
+        assert world.is_asleep("load")
+
+
 @pytest.mark.parametrize(("sledge", "load"), [(20.0, 5.0), (20.0, 20.0), (5.0, 20.0)])
 def test_a_load_is_taken_along_by_a_carrier_that_is_pushed_without_slip(sledge: float, load: float) -> None:
     with on_sledge(level(81, 0.5), Box(0.4, 0.4, 0.2), (sledge, load), BodyState((0.0, 0.0, 0.31))) as world:

@@ -45,11 +45,12 @@ void CarriedDecks::move() {
     const Vec3 arm = from_bullet(pose.getBasis() * to_bullet(deck.place.at));
     const auto [at, orientation] = body_pose(pose);
     FrameSample sample{now_.time, at + arm, orientation * deck.place.orientation};
-    if (!carrier.is_moved()) {
+    carrier.velocity = velocity_of(*carrier.object);
+    if (!carrier.is_moved() || sleeps(*carrier.object)) {
       deck.motion.note(sample);
       continue;
     }
-    const FrameVelocity velocity = carrier.velocity = velocity_of(*carrier.object);
+    const FrameVelocity& velocity = carrier.velocity;
     const Vec3 swing = cross(velocity.angular, arm);
     sample.is_told = 1.0, sample.velocity = {velocity.linear + swing, velocity.angular};
     deck.motion.set(sample, {cross(velocity.angular, swing), {}});
@@ -58,7 +59,6 @@ void CarriedDecks::move() {
 
 double CarriedDecks::find_near(Slot& slot, const Bounds& bounds) const {
   slot.decks.clear();
-  slot.is_on_carrier = false;
   double moved = -1.0;
   const auto& decks = now_.terrain->decks();
   for (std::size_t k = 0; k < decks.size(); ++k) {
@@ -66,7 +66,7 @@ double CarriedDecks::find_near(Slot& slot, const Bounds& bounds) const {
     if (decks[k]->body == slot.body || !is_near(*decks[k], bounds, slot.linear, now_.time, now_.duration, near))
       continue;
     moved = std::max(moved, near.moved);
-    slot.is_on_carrier |= carriers_[k].is_moved();
+    if (near.moved > 0.0 && !carriers_[k].is_moved()) slot.stir();
     slot.decks.push_back(near);
   }
   return moved;
@@ -93,10 +93,7 @@ void CarriedDecks::end_step() {
     for (int k = 0; k < with_carrier->getNumContacts(); ++k) {
       const int count = with_proxy->getNumContacts();
       with_proxy->setNumContacts(count + 1);
-      const btManifoldPoint& point = with_proxy->getContactPoint(count) = with_carrier->getContactPoint(k);
-      if (point.m_appliedImpulse == 0.0) continue;
-      if (const int body = name_of(*carrier).body; body >= 0) sleep_.wake(body);
-      carrier->activate();
+      with_proxy->getContactPoint(count) = with_carrier->getContactPoint(k);
     }
     OneStep::manifolds(now_.world).remove(with_carrier);
     now_.world.getDispatcher()->releaseManifold(with_carrier);

@@ -1,8 +1,9 @@
 // Decks in a step: those that bodies carry move with them, and what is on such a deck touches its carrier.
 #pragma once
 
+#include "bullet/attached.h"
 #include "bullet/contact_points.h"
-#include "bullet/sleep.h"
+#include "bullet/instant.h"
 
 namespace smartmesh {
 
@@ -18,7 +19,7 @@ struct Carrier {
 
 class CarriedDecks {
  public:
-  CarriedDecks(const Instant& now, Attached& attached, Sleep& sleep) : now_(now), attached_(attached), sleep_(sleep) {}
+  CarriedDecks(const Instant& now, const Attached& attached) : now_(now), attached_(attached) {}
 
   // Gives the decks that are carried the pose and the velocity of their carriers now.
   void move();
@@ -30,8 +31,7 @@ class CarriedDecks {
   const Carrier* carrier_of(int deck) const;
   // Returns the manifold of a body and a carrier for this step, in place of the one of the body and its proxy.
   btPersistentManifold& manifold_with(const Carrier& carrier, const Slot& slot, btPersistentManifold& with_proxy);
-  // Hands the contacts of the step with carriers over to the manifolds with proxies, at its end, and wakes the
-  // carriers.
+  // Hands the contacts of the step with carriers over to the manifolds with proxies, at its end.
   void end_step();
 
  private:
@@ -43,8 +43,7 @@ class CarriedDecks {
   void find_carriers();
 
   const Instant& now_;
-  Attached& attached_;
-  Sleep& sleep_;
+  const Attached& attached_;
   std::vector<Carrier> carriers_;    // by the decks' numbers, as of a layout of the tiles
   long layout_ = -1, objects_ = -1;  // and of a search for objects
   std::vector<Shared> shared_;       // in this step

@@ -63,7 +63,7 @@ void Sleep::note_rest() {
     }
     AttachedBody& body = attached_.bodies[slot.body];
     if (may_sleep) slot.note_still(from_bullet(slot.object->getWorldTransform()), rules_.distance, now_.duration);
-    if (body.driven || slot.is_on_carrier) slot.still = 0.0;
+    if (body.driven) slot.still = 0.0;
     body.still = std::min(body.still, slot.still);
   }
   if (may_sleep) put_resting_to_sleep();

@@ -63,7 +63,6 @@ struct Slot : SlotMemory {
   Vec3 linear, angular;                 // of the body, as last read [m/s], [rad/s]
   NearbyGround near;                    // in this step
   std::vector<NearbyDeck> decks;        // likewise
-  bool is_on_carrier = false;           // near a deck that a body carries which physics moves
   bool touches = false;                 // the ground, as of the last step in which that was corrected
   Belt belt;
   Rest rest;

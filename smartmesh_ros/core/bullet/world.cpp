@@ -56,7 +56,7 @@ BulletWorld::BulletWorld(btDiscreteDynamicsWorld& world, int of_number)
       now{world, &nothing_},
       attached(world),
       sleep(now, attached),
-      decks(now, attached, sleep),
+      decks(now, attached),
       narrowphase(now, attached, decks) {
   algorithms_.enter(world);
   world.getSolverInfo().m_solverMode |= SOLVER_ENABLE_FRICTION_DIRECTION_CACHING;  // read the directions of our points

@@ -8,6 +8,7 @@
 #include "bullet/bounds_hook.h"
 #include "bullet/ground_algorithm.h"
 #include "bullet/narrowphase.h"
+#include "bullet/sleep.h"
 #include "bullet/untouchable.h"
 
 namespace smartmesh {

@@ -131,7 +131,7 @@ void BulletWorld::place(Slot& slot) {
   const bool rests = ground.getLinearVelocity().isZero() && ground.getAngularVelocity().isZero();
   constexpr int STATIC = btCollisionObject::CF_STATIC_OBJECT, KINEMATIC = btCollisionObject::CF_KINEMATIC_OBJECT;
   ground.setCollisionFlags((ground.getCollisionFlags() & ~(STATIC | KINEMATIC)) | (rests ? STATIC : KINEMATIC));
-  if (moved > 0.0) slot.stir();
+  if (norm(near.velocity) + near.spread > 0.0) slot.stir();
 }
 
 }  // namespace smartmesh
