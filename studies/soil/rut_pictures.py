@@ -1,6 +1,7 @@
 """``make rover``: a wheeled robot drives an eight on an elevation model of soil. ``make tracks``: an excavator's
 undercarriage drives, turns on the spot and climbs 20 degrees on soil. Pictures of ruts, coloured by depth."""
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import matplotlib as mpl
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from smartmesh_ros import BodyState, Soil, World
+from smartmesh_ros import BodyState, HeightMap, Soil, World
 from smartmesh_ros.scenes import eight, tracks
 from studies.pages import ROOT, say
 from studies.tiny_renderer import Camera, Stage
@@ -74,19 +75,45 @@ def drive_rover() -> None:
         draw(IMAGES / "soil" / "rover.png", world, soil, eight.robot_file(), camera, f"{world.time:.0f} s on {name}")
 
 
+# The ground that the tracked machine climbs, on a slope of 20 degrees.
+SPACING = 0.04  # of the map [m]
+ORIGIN = (-2.0, -2.6)  # first sample of the map [m]; the machine starts at x = y = 0
+SIZE = (11.2, 5.2)  # of the map [m]
+SLOPE = math.radians(20.0)
+FOOT, RAMP, TOP = 3.0, 4.5, 7.3  # where the ground begins to rise, is as steep as the ramp, and becomes level [m]
+FLATTENING = 1.0  # way on which it becomes level [m]
+# Until when [s], and the speeds [m/s] of the left and right track: stand, drive, turn once on the spot, climb.
+PLAN = ((1.0, 0.0, 0.0), (4.0, 0.5, 0.5), (15.1, -0.4, 0.4), (25.5, 0.5, 0.5))
+
+
+def ramp() -> HeightMap:
+    """Return level ground with the ramp, which rises along x."""
+    x = ORIGIN[0] + SPACING * np.arange(round(SIZE[0] / SPACING) + 1)
+    begins = np.clip((x - FOOT) / (RAMP - FOOT), 0.0, 1.0)
+    ends = np.clip((TOP + FLATTENING - x) / FLATTENING, 0.0, 1.0)
+    heights = np.cumsum(math.tan(SLOPE) * begins * ends) * SPACING
+    return HeightMap(np.tile(heights, (round(SIZE[1] / SPACING) + 1, 1)), resolution=SPACING, origin=ORIGIN)
+
+
+def track_speeds(time: float) -> dict[str, float]:
+    """Return the speeds of the tracks [m/s] at a ``time`` [s]."""
+    left, right = next((tracks for until, *tracks in PLAN if time < until), (0.0, 0.0))
+    return {"left_track": left, "right_track": right}
+
+
 def drive_tracks() -> None:
     """Drive the tracked machine by its plan."""
     name = "lete_sand"
-    with World(tracks.ground()) as world:
+    with World(ramp()) as world:
         world.ground.set_soil(soil := Soil(world.terrain, name))
         world.spawn_robot("machine", tracks.robot_file().read_text(), BodyState(), on_ground=True, align=True)
 
         def act(_: int) -> None:
-            for track, speed in tracks.speeds(world.time).items():
+            for track, speed in track_speeds(world.time).items():
                 world.drive("machine", track, speed)
 
-        run(world, round(tracks.PLAN[-1][0] / world.dt), act)
-        left, right = tracks.speeds(world.time).values()
+        run(world, round(PLAN[-1][0] / world.dt), act)
+        left, right = track_speeds(world.time).values()
         title = f"{world.time:.0f} s on {name}, tracks {left:+.1f} and {right:+.1f} m/s"
         camera = Camera((1.6, -9.2, 4.2), (3.75, 0.0, 0.75), 35.0, 800, 420)
         draw(IMAGES / "tracks.png", world, soil, tracks.robot_file(), camera, title)

@@ -9,9 +9,10 @@ from PIL import Image
 
 from scripts import height_scan
 from smartmesh_ros import BodyState, World
-from smartmesh_ros.scenes import tracks
+from smartmesh_ros.scenes.tracks import robot_file
 from studies.matrix.run import draw_box
 from studies.rising_picture import WAYS, grid, height, simulated
+from studies.soil.rut_pictures import ramp
 from studies.tiny_renderer import Stage
 
 README = (Path(__file__).parents[2] / "README.md").read_text()
@@ -46,9 +47,9 @@ def test_the_points_of_a_height_scan_are_drawn(
 def test_a_robot_is_drawn_where_it_stands() -> None:
     """Also one whose centre of mass is not at the frame of its base link."""
     stage = Stage()
-    with World(tracks.ground()) as world:
-        world.spawn_robot("machine", tracks.robot_file().read_text(), BodyState(), on_ground=True, align=True)
-        stage.add_robot(world, "machine", str(tracks.robot_file()))
+    with World(ramp()) as world:
+        world.spawn_robot("machine", robot_file().read_text(), BodyState(), on_ground=True, align=True)
+        stage.add_robot(world, "machine", str(robot_file()))
         for link in range(-1, world.client.getNumJoints(world.bodies["machine"].uid)):
             expected = world.client.getAABB(world.bodies["machine"].uid, link)
             np.testing.assert_allclose(stage.client.getAABB(0, link), expected, atol=5e-3)  # margins differ

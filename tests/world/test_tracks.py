@@ -8,9 +8,9 @@ import pybullet as pb
 import pytest
 
 from smartmesh_ros import BodyState, Box, HeightMap, World
-from smartmesh_ros.scenes.tracks import ground as ramp
 from smartmesh_ros.soil.config import soil_named
 from smartmesh_ros.soil.soil import Soil
+from studies.soil.rut_pictures import ramp
 from studies.soil.trials import least
 from tests.bodies import yaw_of
 from tests.grounds import level, shaped
