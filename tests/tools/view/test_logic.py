@@ -30,7 +30,7 @@ from smartmesh_ros.tools.view.knobs import knob_of, nice_step, parameter_of, sho
 from smartmesh_ros.tools.view.looks import PatchLook, patch_look
 from smartmesh_ros.tools.view.main import main
 from smartmesh_ros.tools.view.page import Page, start_server, url_of
-from smartmesh_ros.tools.view.panel import CUT, chart_data
+from smartmesh_ros.tools.view.panel import chart_data
 
 
 def knobs() -> dict:
@@ -95,18 +95,11 @@ def timings_of(totals: list[float]) -> list[tuple[float, Timing]]:
     return [(float(at), Timing(stages=of_message)) for at, of_message in enumerate(stages)]
 
 
-@given(totals=st.lists(st.floats(1.0, 1.9), min_size=2, max_size=50), data=st.data())
-@examples(50)
-def test_a_stall_is_cut_and_marked_and_the_rest_is_shown_as_it_is(totals: list[float], data: st.DataObject) -> None:
-    stalled = data.draw(st.integers(0, len(totals) - 1))
-    totals[stalled] = 1000.0
-    (_, shown, *_), words = chart_data(timings_of(totals), len(totals))
-    assert shown.max() <= CUT * max(total for total in totals if total < 1000.0) + 1e-6
-    assert words == f"1 x cut, at most 1000 ms, the last {len(totals) - stalled} s ago"
-    assert np.allclose(np.delete(shown, stalled), np.delete(totals, stalled), rtol=1e-5)
-    longer = [1.0] * 40 + [20.0] * 10  # a load, and no stall
-    (_, shown, *_), words = chart_data(timings_of(longer), 50.0)
-    assert np.allclose(shown, longer, rtol=1e-5) and words is None
+def test_the_chart_has_the_medians_of_the_last_minute_by_their_age() -> None:
+    ages, totals, steps, *others = chart_data(timings_of([1.0] * 10 + [0.0, 1000.0]), 65.0)
+    assert ages.tolist() == [-59.0, -58.0, -57.0, -56.0, -55.0, -54.0]
+    np.testing.assert_allclose(totals, [1.0, 1.0, 1.0, 1.0, np.nan, 1000.0], rtol=1e-5)
+    assert steps == pytest.approx(1e-3) and np.isnan(others).all(), "a stage that did not run is no point"
 
 
 def test_every_kind_of_patch_has_a_colour_that_is_told_apart() -> None:
