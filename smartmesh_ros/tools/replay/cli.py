@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import signal
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
@@ -43,18 +42,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def ended(
     parser: argparse.ArgumentParser,
     arguments: Sequence[str] | None,
-    run: Callable[[argparse.Namespace], int],
+    run: Callable[[argparse.Namespace, Stop | None], int],
     *,
     needs: str,
 ) -> int:
-    """Run a command by its ``arguments``, None = those of the process; return its exit code, 2 if it refuses them or
-    one of the packages that it ``needs`` is missing, 130 if a signal interrupts it."""
-    if arguments is None:
-        Stop()  # the first signal raises KeyboardInterrupt; later ones leave child processes the time to end
+    """Run a command by its ``arguments``, None = those of the process, whose signals `Stop` then notes; return its exit
+    code, 2 if it refuses them or one of the packages that it ``needs`` is missing, 130 if a signal interrupts it."""
+    stop = Stop() if arguments is None else None
     given = [word for word in (sys.argv[1:] if arguments is None else arguments) if word != "--ros-args"]
     options = parser.parse_args(given)
     try:
-        return run(options)
+        return run(options, stop)
     except ModuleNotFoundError as error:
         if error.name not in needs.split():
             raise
@@ -89,7 +87,7 @@ def add_node_arguments(parser: Any) -> None:
     )  # fmt: skip
 
 
-def _run(options: argparse.Namespace) -> int:
+def _run(options: argparse.Namespace, stop: Stop | None) -> int:
     until = math.inf if options.until is None else options.until
     if not until > 0.0:
         raise InputError("parameter", f"--until is {until:g}; it must be a number of seconds above zero")
@@ -107,16 +105,18 @@ def _run(options: argparse.Namespace) -> int:
             there = ", ".join(sorted(replay.outputs))
             raise InputError("topic", f"--topics: there is no output {', '.join(unknown)}; the outputs are {there}")
         begun = monotonic()
-        with Interruption() as asked, file or nullcontext():
+        if stop is not None:
+            stop.starting = False  # a signal ends the run between two steps
+        with file or nullcontext():
             for _ in replay.steps(until):
                 line.show(replay.time / max(min(bag.end - replay.clock.start, until), 1e-9))
-                if asked:
+                if stop is not None and stop.asked:
                     break
             line.clear()
             if file is not None:
                 file.note("smartmesh_ros_digest", replay.digest)
         speed = replay.time / max(monotonic() - begun, 1e-9)
-        return report(replay, speed, file, options.check, interrupted=bool(asked))
+        return report(replay, speed, file, options.check, interrupted=stop is not None and stop.asked)
 
 
 def report(replay: Replay, speed: float, file: McapFile | None, check: str | None, *, interrupted: bool) -> int:
@@ -144,23 +144,6 @@ def rules_of(remaps: Sequence[str]) -> list[tuple[str, str]]:
     with naming("-r"):
         Names(rules)
     return rules
-
-
-class Interruption:
-    """A list that is empty until SIGINT or SIGTERM arrives within the block; a second one ends the process."""
-
-    def __enter__(self) -> list[int]:
-        self._asked: list[int] = []
-        self._before = {number: signal.signal(number, self._note) for number in (signal.SIGINT, signal.SIGTERM)}
-        return self._asked
-
-    def __exit__(self, *_: object) -> None:
-        for number, before in self._before.items():
-            signal.signal(number, before)
-
-    def _note(self, number: int, _: object) -> None:
-        self._asked.append(number)
-        signal.signal(number, signal.SIG_DFL)
 
 
 class ProgressLine:

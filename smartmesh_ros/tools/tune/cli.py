@@ -30,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return ended(parser(), arguments, _run, needs="rosbags matplotlib")
 
 
-def _run(options: argparse.Namespace) -> int:
+def _run(options: argparse.Namespace, _: object) -> int:
     from smartmesh_ros.tools.tune.chart import draw  # needs Matplotlib
 
     make_folder(options.out)
