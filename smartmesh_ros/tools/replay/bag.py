@@ -6,10 +6,10 @@ import math
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import yaml
 from rclpy.serialization import serialize_message
 
 from smartmesh_ros.errors import InputError, as_float
@@ -56,64 +56,43 @@ class Source(ABC):
 
 class Bag(Source):
     """A recorded bag: the folder that holds ``metadata.yaml``, or a single .mcap or .db3 file. Needs ``pip install
-    rosbags``. Raises `InputError` if it is none; its later errors list its contents."""
+    rosbags``. Raises `InputError` if it is none."""
 
     def __init__(self, path: Path) -> None:
         self.path = path.parent if path.name == "metadata.yaml" else path
         self.title = f"The bag {self.path} has"
         if not path.exists():
             raise InputError("bag", f"there is no bag {path}")
-        folder = self.path.is_dir()
-        if folder and not (self.path / "metadata.yaml").is_file():
+        if self.path.is_dir() and not (self.path / "metadata.yaml").is_file():
             there = ", ".join(sorted(other.name for other in self.path.iterdir())[:20]) or "nothing"
             raise InputError("bag", f"{self.path} is no bag: it has no metadata.yaml (there is: {there})")
-        try:
-            self.topics = self._of_folder() if folder else self._of_file()
-        except ModuleNotFoundError:  # rosbags
-            raise
-        except Exception as error:  # noqa: BLE001  # those of rosbags, SQLite and YAML have no common base
-            raise InputError("bag", f"{path} is no bag, or it is damaged: {_words(error)}") from None
-
-    def records(self, topics: Collection[str]) -> Iterator[Record]:
-        """Yield the messages of some topics in the order of recording; raise `InputError` if the file is cut off or
-        damaged."""
-        from rosbags.rosbag2 import Reader
-
-        count = 0
-        try:
-            with Reader(self.path) as reader:
-                wanted = [connection for connection in reader.connections if connection.topic in topics]
-                for connection, nanoseconds, data in reader.messages(wanted) if wanted else ():
-                    yield Record(connection.topic, connection.msgtype, nanoseconds * 1e-9, bytes(data))
-                    count += 1
-        except Exception as error:  # noqa: BLE001  # those of rosbags, SQLite and the decompressors have no common base
-            raise self.refusal(
-                "bag", f"the bag is cut off or damaged after {count} messages ({_words(error)}); ros2 bag reindex or "
-                "the mcap tool's recover may save what is left"
-            ) from None  # fmt: skip
-
-    def _of_folder(self) -> dict[str, Topic]:
-        """Return the topics by ``metadata.yaml``, which is whole even if a file of the bag is cut off."""
-        from rosbags.rosbag2.metadata import parse_qos
-
-        found, about = {}, yaml.safe_load((self.path / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
-        begin = about["starting_time"]["nanoseconds_since_epoch"]
-        self.end = 1e-9 * (begin + about["duration"]["nanoseconds"])
-        for entry in about["topics_with_message_count"]:
-            topic = entry["topic_metadata"]
-            profiles = parse_qos(topic.get("offered_qos_profiles", []))
-            found[topic["name"]] = Topic(topic["type"], int(entry["message_count"]), _latched(profiles))
-        return found
-
-    def _of_file(self) -> dict[str, Topic]:
-        from rosbags.rosbag2 import Reader
-
-        with Reader(self.path) as reader:
+        with self._open() as reader:
             self.end = 1e-9 * reader.end_time
-            return {
+            self.topics = {
                 one.topic: Topic(one.msgtype, one.msgcount, _latched(one.ext.offered_qos_profiles))
                 for one in reader.connections
             }
+
+    def records(self, topics: Collection[str]) -> Iterator[Record]:
+        """Yield the messages of some topics in the order of recording; raise `InputError` if a file is damaged."""
+        with self._open() as reader:
+            wanted = [connection for connection in reader.connections if connection.topic in topics]
+            for connection, nanoseconds, data in reader.messages(wanted) if wanted else ():
+                yield Record(connection.topic, connection.msgtype, nanoseconds * 1e-9, bytes(data))
+
+    @contextmanager
+    def _open(self) -> Iterator[Any]:
+        from rosbags.rosbag2 import Reader
+
+        try:
+            with Reader(self.path) as reader:
+                yield reader
+        except Exception as error:  # noqa: BLE001  # those of rosbags, SQLite, YAML and decompressors have no common base
+            words = f"{type(error).__name__}: {error}".split("\n")[0]
+            raise InputError(
+                "bag", f"{self.path} is no bag, or it is cut off or damaged ({words}); ros2 bag reindex or the mcap "
+                "tool's recover may save what is left"
+            ) from None  # fmt: skip
 
 
 class Messages(Source):
@@ -159,7 +138,3 @@ def recorded(topic: str, time: float, message: Any) -> Record:
 def _latched(profiles: Any) -> bool:
     """Return True if one of a topic's publishers is latched, or if none is known."""
     return not profiles or any(profile.durability.name == "TRANSIENT_LOCAL" for profile in profiles)
-
-
-def _words(error: Exception) -> str:
-    return f"{type(error).__name__}: {error}".split("\n")[0]
