@@ -41,6 +41,7 @@ TOLD = {
     "stopped": ([at(0.0, 1.0), at(0.03, 1.1), at(0.03, 1.2)], 0.0),
     # Not from where it rested first, of which its motion would be a share.
     "from its last map on": ([at(0.0, 0.0), at(0.0, 0.1), at(0.0, 0.2), at(0.03, 0.3)], 0.3),
+    "the same yaw by another number": ([at(0.0, 1.0, yaw=math.pi), at(0.03, 1.1, yaw=-math.pi)], 0.3),
     "turned by the least of all numbers": ([at(0.0, 1.0), at(0.03, 1.1, yaw=5e-324)], 0.3),
 }
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smartmesh_ros import BodyState, Box, HeightMap, InputError, Sphere, Terrain
+from smartmesh_ros import BodyState, Box, HeightMap, Sphere, Terrain
 from smartmesh_ros.ground.state import BODY_COLUMNS
 from smartmesh_ros.terrain.terrain import MainMesh
 from studies.report.config import PatchKind, ReportConfig, SearchMethod
@@ -18,7 +18,7 @@ from studies.report.ground import ReportGround, ReportWorld
 from studies.report.patches import ChosenPatches, PatchBatch, mesh_twist
 from tests.bodies import height, put
 from tests.examples import examples
-from tests.grounds import level, shaped
+from tests.grounds import shaped
 from tests.terrain.surfaces import highest, mesh_of
 
 DT = 1.0 / 240.0
@@ -70,17 +70,6 @@ def test_a_hull_hovers_over_a_trough_by_what_geometry_predicts(is_mesh: bool) ->
         # PyBullet lets the ball 4 mm into that ridge; on the flat lid over a square it is exact.
         slack = 5e-3 if is_mesh else 2e-3
         assert world.state("ball").position[2] - 0.2 == pytest.approx(lid, abs=slack)
-
-
-def test_several_meshes_are_refused() -> None:
-    tiles = Terrain()
-    with pytest.raises(InputError, match="one main mesh"):
-        world_on(tiles, "heightfield")
-    tiles.put("", level(21, 0.25))
-    with world_on(tiles, "heightfield") as world:
-        tiles.put("other", level(21, 0.25))
-        with pytest.raises(InputError, match="one main mesh"):
-            world.refresh()
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.4, 2.0, -3.0])
