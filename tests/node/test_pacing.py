@@ -119,6 +119,8 @@ def test_a_late_loop_takes_no_map_for_one_of_a_time_far_ahead(policy: DeadlinePo
         pacer.advance()
         time += PERIOD
         now[0] += cost
+    now[0] += 1.0  # a stall, longer than the last steps tell
+    assert pacer.simulated_at(0.0, time) <= time + PERIOD
 
 
 @pytest.mark.parametrize("follows", [True, False])
@@ -187,6 +189,13 @@ def test_stamps_of_another_clock_keep_their_intervals(behind: float, steps: list
             assert placed.time - before.time == pytest.approx(step, abs=1e-6)
         assert not placed.own
         before = placed
+
+
+def test_equal_stamps_are_at_equal_times_whatever_rounding() -> None:
+    clock = StampClock()
+    first = placed_at(clock, 3.3, 3.4, gained=1000.0 / 3.0)
+    for late in np.arange(0.01, 0.5, 0.01).tolist():
+        assert placed_at(clock, 3.3, 3.4 + late, gained=1000.0 / 3.0).time == first.time
 
 
 def test_a_stamp_that_goes_back_is_refused_or_takes_the_last_ones_time() -> None:
