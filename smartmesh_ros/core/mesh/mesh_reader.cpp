@@ -94,7 +94,7 @@ GroundSample MeshReader::below(double x, double y, double z) {
   const Vec3 a = position(k[0]), normal = unit(cross(position(k[1]) - a, position(k[2]) - a));
   const Vec3 moved =
       displacement_of(k[0]) * weights[0] + displacement_of(k[1]) * weights[1] + displacement_of(k[2]) * weights[2];
-  return {height, normal, moved * (1.0 / ahead_), age_, Material{}.friction, true};
+  return {{height, moved * (1.0 / ahead_)}, normal, age_, Material{}.friction, true};
 }
 
 }  // namespace smartmesh

@@ -13,12 +13,16 @@
 
 namespace smartmesh {
 
-// The ground at a point: height [m], NaN = none, unit normal towards the side of the bodies, velocity [m/s] with
-// horizontal motion, age [s], the time since the last map of the place, negative before it, coefficient of friction,
-// and whether it is of a mesh.
-struct GroundSample {
+// Ground at a point: height [m], NaN = none, and mean velocity over a duration, with horizontal motion [m/s].
+struct GroundPoint {
   double height = NONE;
-  Vec3 normal, velocity;
+  Vec3 velocity;
+};
+
+// The same with the unit normal towards the side of the bodies, age [s], the time since the last map of the place,
+// negative before it, coefficient of friction, and whether it is of a mesh.
+struct GroundSample : GroundPoint {
+  Vec3 normal;
   double age = NONE, friction = Material{}.friction;
   bool on_mesh = false;
 };
