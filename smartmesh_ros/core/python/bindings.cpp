@@ -132,7 +132,6 @@ NB_MODULE(_core, m) {
       .def_prop_rw(
           "shown", [](const Mesh& m) { return m.surface.shown; }, [](Mesh& m, double t) { m.surface.shown = t; });
   add_ground(m);
-  add_probe(m);
   add_contacts(m);
   add_queries(m);
   add_updates(m);

@@ -195,6 +195,10 @@ struct KeptTiles {
   }
 };
 
+class SoilInStep;
+// Returns the soil of an object of Python; throws for any other.
+SoilInStep& soil_of(nb::handle soil);
+
 // Each adds what its room needs.
 void add_queries(nb::module_& m);
 void add_updates(nb::module_& m);
@@ -205,6 +209,5 @@ void add_rows(nb::module_& m);
 void add_contacts(nb::module_& m);
 void add_decks(nb::module_& m);
 void add_ground(nb::module_& m);
-void add_probe(nb::module_& m);
 
 }  // namespace smartmesh
