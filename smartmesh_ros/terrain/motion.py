@@ -86,7 +86,7 @@ class MotionConfig:
     ``settle`` [s]: time in which a correction is blended in. By default a correction of 30 cm moves bodies on it by
     6 mm per step at 240 Hz; raising it makes that less.
     ``noise`` [m]: standard deviation of a map's heights, 0 = exact. In *correction* heights are fused over time; in
-    *motion* velocities are denoised (see ``core/map/noisy_motion.h``).
+    *motion* velocities are denoised (see ``core/map/noisy_motion.cpp``).
     ``min_interval`` [s]: maps that follow sooner are parts of one map: they correct the map before and give no velocity
     of their own. The default is a step at 240 Hz.
     """

@@ -8,7 +8,6 @@ from smartmesh_ros import HeightMap, MotionConfig
 from smartmesh_ros.core import CORE
 from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.terrain.motion import KEPT
-from smartmesh_ros.world.state_table import LIMITS
 from tests.bodies import TETRAHEDRON
 from tests.core.entries import COLUMNS, ROWS, Arguments, Entry, clock_bytes, grid_of, new_grid
 
@@ -108,13 +107,6 @@ def grid() -> Any:
     """A map 1 m above the bodies."""
     motion = MotionConfig(changes="correction")
     return HeightMap(np.ones((9, 9)), resolution=0.1, origin=(-0.4, -0.4), motion=motion).core_reader
-
-
-def faults() -> Arguments:
-    return {
-        "states": zeros(13), "radii": np.ones(SLOTS), "kinds": np.ones(SLOTS, np.uint8), "dimensions": zeros(3),
-        "centres": zeros(3), "masses": np.ones(SLOTS), "limits": LIMITS,
-    }  # fmt: skip
 
 
 def near_any(states: Any, radii: Any, margins: Any, attached: Any) -> Any:
@@ -217,7 +209,6 @@ ENTRIES = {
         rows=("up", "points"),
     ),
     "BodyShape.hull": Entry(BodyShape.hull, lambda: {"points": TETRAHEDRON.copy()}, rows=("points",)),
-    "first_fault": Entry(CORE.first_fault, faults),
     "extrapolated": Entry(CORE.extrapolated, lambda: {"states": zeros(13), "duration": 0.1}, rows=("states",)),
     "blended": Entry(CORE.blended, lambda: {"states": zeros(13), "targets": zeros(13), "share": 0.5}),
     "near_any": Entry(near_any, lambda: {

@@ -13,11 +13,9 @@ from pybullet_utils.bullet_client import BulletClient
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.core.body_shape import BodyShape
-from smartmesh_ros.ground.shapes import DIMENSIONS
 from smartmesh_ros.terrain.motion import CLOCK, INTERVALS_KEPT, KEPT
-from smartmesh_ros.world.state_table import LIMITS
 from tests.core.entries import COLUMNS, REFUSED, ROWS, grid_of, new_grid
-from tests.core.functions import BODIES, COUNT, ENTRIES, bodies, contacts, corrected, faults, mesh_arrays, new_mesh
+from tests.core.functions import BODIES, COUNT, ENTRIES, bodies, contacts, corrected, mesh_arrays, new_mesh
 
 NAN, INF = np.nan, np.inf
 OUT_OF_CLOCK = (-1, KEPT, 2**62, -(2**63))  # no numbers of velocities that are kept
@@ -215,23 +213,6 @@ def test_a_lattice_may_be_smaller_than_the_map_and_does_not_know_points_that_are
     assert counts[0] <= ROWS * COLUMNS
     for first in (2**52, -(2**52)):
         assert not lattice.moved_as_one(**ENTRIES["moved_as_one"].made() | {"first": (first, first)})
-
-
-@pytest.mark.parametrize("kind", [0, len(DIMENSIONS), 255])
-def test_bodies_of_no_known_kind_are_faulty(kind: int) -> None:
-    given = faults()
-    given["states"][:, 6], given["kinds"][3], given["dimensions"][...] = 1.0, kind, 1.0
-    assert CORE.first_fault(**given) == (3, 5)
-
-
-@pytest.mark.parametrize("counts", [np.zeros(4, np.int64), np.full(5, 2**62), np.full(5, -1), np.zeros(5), None])
-def test_numbers_of_dimensions_lead_out_of_no_array(counts: Any) -> None:
-    given = faults()
-    given["states"][:, 6] = 1.0
-    try:
-        CORE.first_fault(**given | {"limits": (counts, *LIMITS[1:])})
-    except REFUSED:
-        assert counts is None or len(counts) == 4 or counts.dtype == np.float64
 
 
 @pytest.mark.parametrize("at", [0, 3, 496, 500, 501, 2**63, 2**64 - 1])

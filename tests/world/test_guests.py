@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from smartmesh_ros import BodyState, Box, Capsule, Cylinder, InputError, PhysicsConfig, Sphere
 from smartmesh_ros.core import CORE
-from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros.ground.shapes import DIMENSIONS, Shape
 from smartmesh_ros.world.guest_owner import GuestOwner
 from smartmesh_ros.world.settings import GuestConfig
 from smartmesh_ros.world.states import SimulatedStates
@@ -184,6 +184,7 @@ def test_what_owners_say_of_impossible_bodies_is_refused_and_the_last_states_sta
         for field, value, reason in (
             ("numbers", math.nan, "non_finite"), ("numbers", 1e300, "quaternion"), ("masses", math.nan, "geometry"),
             ("radii", math.inf, "geometry"), ("dimensions", 0.0, "geometry"), ("kinds", 0, "shape"),
+            ("kinds", len(DIMENSIONS), "shape"), ("kinds", 255, "shape"),
         ):  # fmt: skip
             bad = states._replace(**{field: np.full_like(getattr(states, field), value)})
             with pytest.raises(InputError) as refused:

@@ -59,7 +59,7 @@ GroundSample DeckReader::first_along(const Vec3& p, double up) {
   const Vec3 local = frame.pose.to_local(at);
   const GroundSample here = ground.below({local.x, local.y, local.z + ABOVE});
   const Vec3 own = std::isnan(here.height) ? Vec3{} : frame.pose.rotation * here.velocity;
-  return {at.z, hit.normal, frame.velocity_at(at) + own, here.age, here.friction, here.on_mesh};
+  return {{at.z, frame.velocity_at(at) + own}, hit.normal, here.age, here.friction, here.on_mesh};
 }
 
 GroundSample DeckReader::near(const Vec3& p) {

@@ -1,7 +1,8 @@
-#include "ground/height_scan.h"
-
+// Heights of the ground at a pattern of points around poses.
 #include <algorithm>
 #include <cmath>
+
+#include "ground/tiles.h"
 
 namespace smartmesh {
 

@@ -91,7 +91,7 @@ GroundPoint TileReader::sample(double x, double y) {
   bool on_any;
   const TileFacet here = on_maps(x, y, ABOVE_ALL, on_any);
   if (here.tile != nullptr) return {here.facet.height, here.tile->velocity(x, y, here.facet.velocity, ahead_)};
-  return on_any ? GroundPoint{NONE, {}} : bridged(x, y);
+  return on_any ? GroundPoint{} : bridged(x, y);
 }
 
 // Interpolates between the edges of maps, of which at least two lie on different sides.
@@ -113,7 +113,7 @@ GroundPoint TileReader::bridged(double x, double y) {
     for (const Vec3& other : ways) is_between |= way.x * other.x + way.y * other.y < 0.0;
     ways.push_back(way);
   }
-  return is_between ? GroundPoint{sum.height / weights, sum.velocity * (1.0 / weights)} : GroundPoint{NONE, {}};
+  return is_between ? GroundPoint{sum.height / weights, sum.velocity * (1.0 / weights)} : GroundPoint{};
 }
 
 bool TileReader::continues(std::size_t number, double x, double y) {

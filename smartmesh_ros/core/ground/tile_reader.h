@@ -5,14 +5,9 @@
 #include <vector>
 
 #include "map/grid_facet.h"
+#include "mesh/mesh_surface.h"
 
 namespace smartmesh {
-
-// Ground under a point: height [m] (NaN = none) and mean velocity [m/s] over a duration.
-struct GroundPoint {
-  double height;
-  Vec3 velocity;
-};
 
 // Duration over which a velocity is that of an instant [s], as in terrain/motion.py.
 constexpr double INSTANT = 1e-9;

@@ -18,52 +18,36 @@ bool is_above(double height, double other) { return !(height <= other) && !std::
 
 }  // namespace
 
-NearPoint GroundReader::at(const Vec3& p, double top) {
-  NearPoint found{{NONE, {}}};
-  if (const TileFacet here = tiles.at(p.x, p.y, top); here.tile != nullptr)
-    found = {{here.facet.height, here.tile->velocity(p.x, p.y, here.facet.velocity, tiles.ahead())}};
+GroundSample GroundReader::beside_decks(const Vec3& p, double top) {
+  GroundSample found;
+  if (const TileFacet here = tiles.at(p.x, p.y, top); here.tile != nullptr) {
+    const HeightGrid& grid = *here.tile->grid;
+    const GridPoint place = clamped(grid, here.tile->place(p.x, p.y));
+    const Clock& clock = grid.clock(static_cast<int>(place.row), static_cast<int>(place.column));
+    found = {{here.facet.height, here.tile->velocity(p.x, p.y, here.facet.velocity, tiles.ahead())},
+             here.tile->normal(here.facet.per_column, here.facet.per_row),
+             tiles.time() - clock.time,
+             grid.materials.at(nearest_index(grid, place)).friction};
+  }
   for (MeshReader& mesh : meshes)
-    if (const GroundSample here = mesh.below(p.x, p.y, p.z); is_above(here.height, found.height))
-      found = {{here.height, here.velocity}, true};
+    if (const GroundSample here = mesh.below(p.x, p.y, p.z); is_above(here.height, found.height)) found = here;
   return found;
 }
 
 NearPoint GroundReader::near(const Vec3& p, double thickness, int body) {
   const double top = p.z + thickness;
-  NearPoint found = at(p, top);
+  NearPoint found{beside_decks(p, top)};
   if (decks != nullptr) {
     for (DeckReader& deck : *decks) {
       if (deck.deck->body == body) continue;
-      if (const GroundSample here = deck.near(p); is_above(here.height, found.height))
-        found = {{here.height, here.velocity}, here.on_mesh, deck.deck};
+      if (const GroundSample here = deck.near(p); is_above(here.height, found.height)) found = {here, deck.deck};
     }
   }
-  return std::isnan(found.height) ? at({p.x, p.y, top}, top) : found;
-}
-
-GroundPoint GroundReader::highest(double x, double y) {
-  const Vec3 p{x, y, ABOVE_ALL};
-  GroundPoint found = at(p, p.z);
-  if (decks == nullptr) return found;
-  for (DeckReader& deck : *decks)
-    if (const GroundSample here = deck.below(p); is_above(here.height, found.height))
-      found = {here.height, here.velocity};
-  return found;
+  return std::isnan(found.height) ? NearPoint{beside_decks({p.x, p.y, top}, top)} : found;
 }
 
 GroundSample GroundReader::below(const Vec3& p) {
-  GroundSample found;
-  if (const TileFacet here = tiles.at(p.x, p.y, p.z); here.tile != nullptr) {
-    const HeightGrid& grid = *here.tile->grid;
-    const GridPoint place = clamped(grid, here.tile->place(p.x, p.y));
-    const Clock& clock = grid.clock(static_cast<int>(place.row), static_cast<int>(place.column));
-    const int row = static_cast<int>(std::lround(place.row)), column = static_cast<int>(std::lround(place.column));
-    found = {here.facet.height, here.tile->normal(here.facet.per_column, here.facet.per_row),
-             here.tile->velocity(p.x, p.y, here.facet.velocity, tiles.ahead()), tiles.time() - clock.time,
-             grid.material_of(row, column).friction};
-  }
-  for (MeshReader& mesh : meshes)
-    if (const GroundSample here = mesh.below(p.x, p.y, p.z); is_above(here.height, found.height)) found = here;
+  GroundSample found = beside_decks(p, p.z);
   if (decks == nullptr) return found;
   for (DeckReader& deck : *decks)
     if (const GroundSample here = deck.below(p); is_above(here.height, found.height)) found = here;
@@ -189,9 +173,8 @@ Material Tiles::material(double x, double y, double time) {
     const HeightGrid& grid = *map.grid;
     const GridPoint place = to_grid(map.pose, grid.resolution, x, y);
     if (!is_on(grid, place)) continue;
-    const GridPoint inside = clamped(grid, place);
-    const int row = static_cast<int>(std::lround(inside.row)), column = static_cast<int>(std::lround(inside.column));
-    if (!std::isnan(grid.heights[grid.index(row, column)])) return grid.material_of(row, column);
+    const std::size_t nearest = nearest_index(grid, clamped(grid, place));
+    if (!std::isnan(grid.heights[nearest])) return grid.materials.at(nearest);
   }
   return {};
 }
@@ -252,7 +235,7 @@ void Tiles::sample_across(const MapAtInstant& finest, const Bounds& bounds, doub
   TileReader beside(others, widest_cell_, time, ahead > 0.0 ? ahead : INSTANT);
   const auto sample = [&](const Vec3& p) -> GroundPoint {
     if (!has_soil) return tiles.sample(p.x, p.y);
-    if (is_ground_around(*soil.map, (*of_soil)->pose, p, AT_EDGE)) return {NONE, {}};
+    if (is_ground_around(*soil.map, (*of_soil)->pose, p, AT_EDGE)) return {};
     const GroundPoint ground = tiles.sample(p.x, p.y), other = beside.sample(p.x, p.y);
     const bool is_others = soil.is_below ? !std::isnan(other.height) : other.height > ground.height;
     return is_others ? other : ground;

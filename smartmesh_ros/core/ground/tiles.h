@@ -32,10 +32,8 @@ struct SoilBelow {
   bool is_below = false, is_all = false;
 };
 
-// The ground near a point, whether it is of a mesh, and the deck that has it; null = it is beside decks, or there is
-// none.
-struct NearPoint : GroundPoint {
-  bool on_mesh = false;
+// The ground near a point, and the deck that has it; null = it is beside decks, or there is none.
+struct NearPoint : GroundSample {
   const Deck* deck = nullptr;
 };
 
@@ -45,19 +43,16 @@ struct GroundReader {
   std::vector<MeshReader> meshes;
   std::shared_ptr<std::vector<DeckReader>> decks;
 
-  // Returns the highest ground of maps and meshes at (p.x, p.y), of maps not above `top` [m] and of meshes not
-  // above `p`.
-  NearPoint at(const Vec3& p, double top);
+  // Returns the highest ground beside decks at (p.x, p.y), of maps not above `top` [m] and of meshes not above `p`.
+  GroundSample beside_decks(const Vec3& p, double top);
 
   // Returns the highest ground over or under `p`, beside the decks that a PyBullet `body` carries. Maps are solid as
   // far down as they are thick [m]. Ground of meshes above `p` counts up to there, and only where there is none below;
   // that of decks as in DeckReader::near.
   NearPoint near(const Vec3& p, double thickness = INFINITE, int body = NOBODY);
-  // Returns the highest ground at (x, y), also of decks.
-  GroundPoint highest(double x, double y);
-
   // Returns the highest ground of maps, meshes and decks that is not above `p`, as sensors see it.
   GroundSample below(const Vec3& p);
+  GroundSample highest(double x, double y) { return below({x, y, ABOVE_ALL}); }
 
   // Computes what pays for `count` points or rays.
   void prepare(std::size_t count);
@@ -134,5 +129,11 @@ class Tiles {
   MeshScratch scratch_;
   long layout_ = 0;
 };
+
+// Writes the heights (count, points) [m] of the highest ground at a pattern of points (points, 2) [m] in the frame of
+// each pose (count, 3), position [m] and yaw [rad], as policies of legged robots observe it; NaN = no ground. There is
+// none around a pose whose numbers are larger than `farthest` or not finite.
+void scan_heights(GroundReader& ground, const double* poses, std::size_t count, const double* pattern,
+                  std::size_t points, double farthest, double* heights);
 
 }  // namespace smartmesh

@@ -9,10 +9,10 @@ double instant_of_update(double time, double delay, double shown, double most) {
   return std::abs(shown - time) <= most ? shown : time + delay;
 }
 
-void set_blend(Clock& clock, double since, Mode mode, double smoothing) {
+void set_blend(Clock& clock, double since, const MotionRules& rules) {
   clock.since = since;
-  clock.until = mode == Mode::Interpolate ? std::max(clock.time + clock.delay, since) + clock.lifetime
-                                          : since + smoothing * clock.lifetime;
+  clock.until = rules.mode == Mode::Interpolate ? std::max(clock.time + clock.delay, since) + clock.lifetime
+                                                : since + rules.smoothing * clock.lifetime;
 }
 
 ShownGround::ShownGround(const HeightGrid& grid, const Span& rows, const Span& columns, double instant)

@@ -20,7 +20,7 @@ constexpr double READ_OVER = 1e-9;
 double instant_of_update(double time, double delay, double shown, double most);
 
 // Sets the time in which the deviations of a block decay, after an update that counts from the instant `since` [s] on.
-void set_blend(Clock& clock, double since, Mode mode, double smoothing);
+void set_blend(Clock& clock, double since, const MotionRules& rules);
 
 // The ground of some rows and columns of a map, as it was shown at the instant of an update.
 class ShownGround {

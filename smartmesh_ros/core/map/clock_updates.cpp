@@ -58,7 +58,7 @@ VelocityUpdate note_update(Clock& clock, double time, bool given, bool whole, co
   const bool differs = clock.known > 0 && clock.middle < clock.time;
   if (again && !given) {
     if (!differs) return {};
-    return {Estimate::Correction, 0.5 / (clock.time - clock.middle), 1.0};
+    return {Estimate::Merged, 0.5 / (clock.time - clock.middle), 1.0};
   }
   if (again && clock.known > 0) return {Estimate::Given, 0.0, 1.0};  // of a part: the others keep theirs
   clock.time = time;

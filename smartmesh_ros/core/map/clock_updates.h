@@ -6,9 +6,9 @@
 namespace smartmesh {
 
 // How the newest velocities follow from an update. Unchanged: they stay. Difference: difference quotient of the
-// heights. Correction: the difference quotient of a correction is added. Merged: difference quotient over the last
-// intervals as one. Given: they came with the heights.
-enum class Estimate { Unchanged, Difference, Correction, Merged, Given };
+// heights. Merged: of the old ones a share stays, and a quotient is added: the last intervals count as one, or the
+// heights were corrected. Given: they came with the heights.
+enum class Estimate { Unchanged, Difference, Merged, Given };
 
 // Newest velocity = `keep` [-] x old velocity + `inverse` [1/s] x change of height, unless it was given.
 struct VelocityUpdate {

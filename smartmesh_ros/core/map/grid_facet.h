@@ -34,6 +34,11 @@ inline bool is_on(const HeightGrid& grid, const GridPoint& p) {
 // Returns true if all cells of a map at a pose within a `radius` [m] of a point have ground, horizontally.
 bool is_ground_around(const HeightGrid& grid, const GridPose& pose, const Vec3& p, double radius);
 
+// Returns the index of the sample nearest to a place inside a map.
+inline std::size_t nearest_index(const HeightGrid& grid, const GridPoint& p) {
+  return grid.index(static_cast<int>(std::lround(p.row)), static_cast<int>(std::lround(p.column)));
+}
+
 // Returns the place of a map nearest to `p`.
 inline GridPoint clamped(const HeightGrid& grid, const GridPoint& p) {
   return {std::clamp(p.row, 0.0, grid.rows - 1.0), std::clamp(p.column, 0.0, grid.columns - 1.0)};

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "map/noisy_motion.h"
-
 namespace smartmesh {
 
 namespace {
@@ -60,21 +58,11 @@ void GridReader::enter(const Clock& clock) {
   const bool same = clock_ != nullptr && same_times(clock, *clock_);
   clock_ = &clock;
   if (same) return;
-  blend_ = grid_.blends() && clock.known > 0 ? blend_of(clock, time_, ahead_) : Blend{};
+  blend_ = grid_.blend(clock, time_, ahead_);
   if (grid_.mode == Mode::Correct) blend_.offset = remaining(clock, grid_.shown, grid_.settle);
   phase_ = block_phase(clock, time_, grid_.mode);
-  newest_ = nullptr;
-  if (grid_.mode == Mode::Correct || clock.known == 0 || clock.newest < 0 || clock.newest >= KEPT) return;
-  const std::size_t size = static_cast<std::size_t>(grid_.rows) * static_cast<std::size_t>(grid_.columns);
-  newest_ = grid_.velocities + size * static_cast<std::size_t>(clock.newest);
-  second_ = grid_.velocities + size * static_cast<std::size_t>((clock.newest + KEPT - 1) % KEPT);
-  third_ = grid_.velocities + size * static_cast<std::size_t>((clock.newest + KEPT - 2) % KEPT);
-}
-
-Motion GridReader::motion(int row, int column, std::size_t index) const {
-  if (grid_.noise > 0.0) return motion_in_noise(grid_, row, column, *clock_, phase_);
-  const auto law = phase_.third == 0.0 ? motion_of : third_order_motion_of;
-  return law(newest_[index], second_[index], third_[index], phase_, grid_.max_velocity);
+  velocities_ = {};
+  if (grid_.mode != Mode::Correct) velocities_ = {grid_.velocities, grid_.index(grid_.rows, 0), clock};
 }
 
 Sample GridReader::read(int row, int column) {
@@ -83,7 +71,7 @@ Sample GridReader::read(int row, int column) {
   if (&clock != clock_) enter(clock);
   const std::size_t i = grid_.index(row, column);
   const double height = grid_.z + static_cast<double>(grid_.heights[i]);
-  if (newest_ == nullptr) return {height + deviation(i), 0.0};
+  if (velocities_.newest == nullptr) return {height + deviation(i), 0.0};
   const Motion found = motion(row, column, i);
   double rise = rise_of(found, phase_, ahead_);
   if (blend_.offset_change != 0.0)
@@ -132,13 +120,13 @@ void GridReader::each_block(int row, int column, int count, const Use& use) {
 // Calls `use(k, motion, phase)` for samples of one block, if it has velocities.
 template <class Use>
 void GridReader::each_motion(int row, int column, int count, const Use& use) const {
-  if (newest_ == nullptr) return;
+  if (velocities_.newest == nullptr) return;
   if (grid_.noise > 0.0) {
     for (int k = 0; k < count; ++k) use(k, motion_in_noise(grid_, row, column + k, *clock_, phase_), phase_);
     return;
   }
   const std::size_t i = grid_.index(row, column);
-  const float *v = newest_ + i, *v1 = second_ + i, *v2 = third_ + i;
+  const float *v = velocities_.newest + i, *v1 = velocities_.second + i, *v2 = velocities_.third + i;
   const Phase phase = phase_;  // a copy, which what `use` writes to cannot overlap
   const double most = grid_.max_velocity;
   if (phase.third == 0.0)

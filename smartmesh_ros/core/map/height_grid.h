@@ -81,12 +81,11 @@ struct Sample {
 // index is in the clock of each block. `offsets` (rows, columns) [m]: old minus new heights of corrections; of other
 // ground, the deviations when the last map came of what was shown from the motion of that map, and `rates` (rows,
 // columns) [m/s] those of its velocity, see Blend. `clocks`: one for each block. `x`, `y`, `z` [m]: position of sample
-// (0, 0) at the last map; z is added to every height. `yaw` [rad]: of the grid. `max_velocity` [m/s], `settle` [s]: see
-// MotionConfig in terrain/motion.py. `noise` [m]: standard deviation of the heights for the estimation of velocities.
-// `smoothing` [map intervals]: see MotionConfig. `shown` [s]: instant up to which the ground was shown to bodies,
-// infinity before; corrections are blended in up to then, all of them at `settled` [s]. `variances` (rows, columns)
-// [m^2]: of fused heights; null: exact.
-struct HeightGrid {
+// (0, 0) at the last map; z is added to every height. `yaw` [rad]: of the grid. `settle` [s]: see MotionConfig in
+// terrain/motion.py. `noise` [m]: standard deviation of the heights for the estimation of velocities. Corrections are
+// blended in up to the instant `shown`, all of them at `settled` [s]. `variances` (rows, columns) [m^2]: of fused
+// heights; null: exact.
+struct HeightGrid : MotionRules {
   float* heights = nullptr;
   float* velocities = nullptr;
   float* offsets = nullptr;
@@ -96,10 +95,7 @@ struct HeightGrid {
   MaterialLayers materials;
   int rows = 0, columns = 0, block_columns = 0;
   double x = 0.0, y = 0.0, z = 0.0, yaw = 0.0, resolution = 1.0;
-  Mode mode = Mode::Extrapolate;
-  double max_velocity = 0.0, settle = 0.0, noise = 0.0, smoothing = 0.0;
-  double shown = INFINITE;
-  double settled = -INFINITE;
+  double settle = 0.0, noise = 0.0, settled = -INFINITE;
   GridTrack track;
   long revision = next_revision();  // changes with every update, with the settings, and with what is shown
 
@@ -117,12 +113,13 @@ struct HeightGrid {
 
   // Blends corrections in up to the instant `shown` [s].
   void show(double shown);
-  // Returns true if ground goes on from what was shown when a map comes, and does not jump.
-  bool blends() const { return mode == Mode::Interpolate || (mode == Mode::Extrapolate && smoothing > 0.0); }
-
   // Returns true if any sample may move at `time` [s].
   bool moves(double time) const;
 };
+
+// Returns the motion of a sample whose heights are noisy, of a block with this `clock` and `phase`; see
+// noisy_motion.cpp. The clock's newest velocity must be one of those stored.
+Motion motion_in_noise(const HeightGrid& grid, int row, int column, const Clock& clock, const Phase& phase);
 
 // Reads samples of one grid at `time` [s] and their rise within the time `ahead` [s]. It keeps the phase of the last
 // block, because neighbouring samples share it, and most blocks are updated at the same times.
@@ -137,11 +134,8 @@ class GridReader {
     if (&clock != clock_) enter(clock);
     const std::size_t i = grid_.index(row, column);
     const double height = grid_.z + static_cast<double>(grid_.heights[i]);
-    if (newest_ == nullptr) return height + deviation(i);
-    if (grid_.noise > 0.0 || phase_.third != 0.0)
-      return height + displacement(motion(row, column, i), phase_) + deviation(i);
-    const Motion found = motion_of(newest_[i], second_[i], third_[i], phase_, grid_.max_velocity);
-    return height + displacement(found, phase_) + deviation(i);
+    if (velocities_.newest == nullptr) return height + deviation(i);
+    return height + displacement(motion(row, column, i), phase_) + deviation(i);
   }
 
   // Writes the heights [m] of `count` samples of a row from a column on; NaN beyond the edge and in holes. `rises` [m]:
@@ -154,7 +148,10 @@ class GridReader {
   void each_block(int row, int column, int count, const Use& use);
   template <class Use>
   void each_motion(int row, int column, int count, const Use& use) const;
-  Motion motion(int row, int column, std::size_t index) const;
+  Motion motion(int row, int column, std::size_t i) const {
+    return grid_.noise > 0.0 ? motion_in_noise(grid_, row, column, *clock_, phase_)
+                             : velocities_.motion(i, phase_, grid_.max_velocity);
+  }
   double deviation(std::size_t i) const {
     if (blend_.offset == 0.0) return 0.0;
     const double offset = blend_.offset * static_cast<double>(grid_.offsets[i]);
@@ -166,7 +163,7 @@ class GridReader {
   const Clock* clock_ = nullptr;
   Phase phase_;
   Blend blend_;
-  const float *newest_ = nullptr, *second_ = nullptr, *third_ = nullptr;  // velocities; null: the block has none
+  LastVelocities<float> velocities_;  // of the block
 };
 
 // Returns the share of a block's correction that is not yet blended in at the instant `shown` [s].

@@ -1,4 +1,4 @@
-#include "map/map_corrections.h"
+#include "map/map_updates.h"
 
 #include <cmath>
 #include <limits>

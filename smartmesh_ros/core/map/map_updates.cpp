@@ -37,7 +37,7 @@ void note_blocks(HeightGrid& map, const Region& place, const NewSamples& samples
 void rest(float* velocities, const Span& samples, const BlockUpdate& block) {
   if (block.estimate == Estimate::Difference || (block.estimate == Estimate::Given && block.keep == 0.0f)) {
     for (std::ptrdiff_t c = samples.first; c < samples.last; ++c) velocities[c] = 0.0f;  // also ends NaN
-  } else if (block.estimate == Estimate::Merged) {
+  } else if (block.keep != 1.0f) {
     for (std::ptrdiff_t c = samples.first; c < samples.last; ++c) velocities[c] *= block.keep;
   }
 }
@@ -51,9 +51,6 @@ void write(float* velocities, float* heights, const float* fresh, const float* g
       break;
     case Estimate::Difference:
       for (std::ptrdiff_t c = 0; c < count; ++c) velocities[c] = (fresh[c] - heights[c]) * inverse;
-      break;
-    case Estimate::Correction:
-      for (std::ptrdiff_t c = 0; c < count; ++c) velocities[c] += (fresh[c] - heights[c]) * inverse;
       break;
     case Estimate::Merged:
       for (std::ptrdiff_t c = 0; c < count; ++c)
@@ -94,7 +91,7 @@ void take_heights(HeightGrid& map, const Region& place, const NewSamples& sample
     for (std::ptrdiff_t row = rows.first; row < rows.last; ++row)  // in the order of memory
       for (const BlockUpdate& block : blocks) take_part(map, place, samples, row, block);
     for (std::ptrdiff_t k = along.first; k < along.last; ++k)
-      set_blend(map.clocks[block_row * map.block_columns + k], instant, map.mode, map.smoothing);
+      set_blend(map.clocks[block_row * map.block_columns + k], instant, map);
     if (shown) shown->write_deviations(map);
   }
   map.revision = next_revision();

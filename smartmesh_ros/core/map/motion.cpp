@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "math/vec3.h"
-
 namespace smartmesh {
 
 namespace {
@@ -58,7 +56,8 @@ bool may_move(const Clock& clock, double time, Mode mode) {
   return goes_on(time, clock.time, clock.lifetime, clock.delay) || time < clock.until + returns * due;
 }
 
-Blend blend_of(const Clock& clock, double time, double ahead) {
+Blend MotionRules::blend(const Clock& clock, double time, double ahead) const {
+  if (!blends() || clock.known == 0) return {};
   const double span = clock.until - clock.since;
   const double now = std::max(time - clock.since, 0.0) / span, then = std::min(now + ahead / span, 1.0);
   if (!(now < 1.0)) return {};

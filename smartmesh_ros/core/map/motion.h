@@ -3,7 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+
+#include "math/vec3.h"
 
 namespace smartmesh {
 
@@ -72,9 +75,19 @@ Phase block_phase(const Clock& clock, double time, Mode mode);
 // Returns true if a block may move at `time` [s].
 bool may_move(const Clock& clock, double time, Mode mode);
 
-// Returns the weights at `time` [s], with changes within the time `ahead` [s]: cubics that lead from one to zero
-// between the clock's `since` and `until`, with and without a slope at first.
-Blend blend_of(const Clock& clock, double time, double ahead);
+// How ground moves between maps: see MotionConfig in terrain/motion.py. `shown` [s]: instant up to which it was shown
+// to bodies, infinity before.
+struct MotionRules {
+  Mode mode = Mode::Extrapolate;
+  double max_velocity = 0.0, smoothing = 0.0;  // [m/s], [map intervals]
+  double shown = INFINITE;
+
+  // Returns true if ground goes on from what was shown when a map comes, and does not jump.
+  bool blends() const { return mode == Mode::Interpolate || (mode == Mode::Extrapolate && smoothing > 0.0); }
+  // Returns the weights at `time` [s], with changes within the time `ahead` [s]: cubics that lead from one to zero
+  // between the clock's `since` and `until`, with and without a slope at first. None if ground does not blend.
+  Blend blend(const Clock& clock, double time, double ahead) const;
+};
 
 // Change of velocity up to the last map below which it counts as smooth, as a share of the velocity. Raising it
 // overshoots more where ground stops or jolts.
@@ -112,6 +125,28 @@ inline Motion third_order_motion_of(double velocity, double velocity_1, double v
   const bool is_smooth = (change == limited) | (std::abs(since_then) <= SMOOTH * std::abs(velocity));
   return {velocity + (is_smooth ? since_then - limited * phase.lag : 0.0), limited};
 }
+
+// The last velocities of samples of one clock, newest first; null: there are none.
+template <class Number>
+struct LastVelocities {
+  const Number *newest = nullptr, *second = nullptr, *third = nullptr;
+
+  LastVelocities() = default;
+  // `ring`: buffer (KEPT, size).
+  LastVelocities(const Number* ring, std::size_t size, const Clock& clock) {
+    if (clock.known == 0 || clock.newest < 0 || clock.newest >= KEPT) return;
+    const auto kept = [&](int age) {
+      return ring + size * static_cast<std::size_t>((clock.newest + KEPT - age) % KEPT);
+    };
+    newest = kept(0), second = kept(1), third = kept(2);
+  }
+
+  // Returns the motion of a sample of which there are velocities.
+  Motion motion(std::size_t i, const Phase& phase, double max_velocity) const {
+    return phase.third == 0.0 ? motion_of(newest[i], second[i], third[i], phase, max_velocity)
+                              : third_order_motion_of(newest[i], second[i], third[i], phase, max_velocity);
+  }
+};
 
 inline double displacement(const Motion& motion, const Phase& phase) {
   return motion.velocity * phase.along + motion.acceleration * phase.bend;

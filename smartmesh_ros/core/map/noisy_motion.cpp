@@ -1,6 +1,13 @@
-#include "map/noisy_motion.h"
-
+// Motion of a sample of a height map whose heights are noisy: each velocity is shrunk by the share that noise explains.
+//
+// Without this filter, noise of 1 mm at 60 Hz becomes velocity noise of 8 cm/s, and the ground throws bodies. Noise
+// differs between neighbouring samples, while motion hardly does. So the velocity of a sample is split into the mean of
+// the samples around it and the deviation from that mean. Each part is multiplied by the share of its power that noise
+// of the known variance does not explain, as in Lee's filter (*Digital Image Enhancement and Noise Filtering by Use of
+// Local Statistics*, 1980). Unlike there, the mean is shrunk too, so that static ground stays at rest.
 #include <cmath>
+
+#include "map/height_grid.h"
 
 namespace smartmesh {
 
@@ -70,13 +77,12 @@ double denoised(double value, const Spread& around, double variance) {
 // Reads the velocities of samples that were updated together with those of one block.
 class VelocityReader {
  public:
-  VelocityReader(const HeightGrid& grid, const Clock& clock) : grid_(grid), clock_(clock) {
-    const std::size_t size = static_cast<std::size_t>(grid.rows) * static_cast<std::size_t>(grid.columns);
-    for (int k = 0; k < KEPT; ++k)
-      slot_[k] = grid.velocities + size * static_cast<std::size_t>((clock.newest + KEPT - k) % KEPT);
-  }
+  VelocityReader(const HeightGrid& grid, const Clock& clock)
+      : grid_(grid), clock_(clock), last_(grid.velocities, grid.index(grid.rows, 0), clock) {}
 
-  Velocities read(std::size_t i) const { return {known(0, i), known(1, i), known(2, i)}; }
+  Velocities read(std::size_t i) const {
+    return {known(last_.newest[i]), known(last_.second[i]), known(last_.third[i])};
+  }
   bool updated_together(int row, int column) const {
     if (!grid_.has(row, column)) return false;
     const Clock& other = grid_.clock(row, column);
@@ -84,14 +90,11 @@ class VelocityReader {
   }
 
  private:
-  double known(int slot, std::size_t i) const {
-    const double velocity = slot_[slot][i];
-    return std::abs(velocity) <= grid_.max_velocity ? velocity : NONE;
-  }
+  double known(double velocity) const { return std::abs(velocity) <= grid_.max_velocity ? velocity : NONE; }
 
   const HeightGrid& grid_;
   const Clock& clock_;
-  const float* slot_[KEPT];
+  LastVelocities<float> last_;
 };
 
 // Returns true if the window around a sample lies in its block.

@@ -18,25 +18,12 @@ constexpr double ROUNDING = 1e-9;
 MeshReader::MeshReader(const MeshSurface& mesh, double time, double ahead)
     : mesh_(&mesh),
       phase_(block_phase(mesh.clock, time, mesh.mode)),
-      blend_(mesh.blends() && mesh.clock.known > 0 ? blend_of(mesh.clock, time, ahead) : Blend{}),
+      blend_(mesh.blend(mesh.clock, time, ahead)),
       ahead_(ahead),
       age_(time - mesh.clock.time),
       drift_(mesh.drift(time)),
-      still_(phase_.along == 0.0 && phase_.bend == 0.0 && blend_.offset == 0.0) {
-  const std::int64_t newest = mesh.clock.newest;
-  if (mesh.clock.known == 0 || newest < 0 || newest >= KEPT) return;
-  const std::size_t size = 3 * static_cast<std::size_t>(mesh.vertices);
-  newest_ = mesh.velocities.data() + size * static_cast<std::size_t>(newest);
-  second_ = mesh.velocities.data() + size * static_cast<std::size_t>((newest + KEPT - 1) % KEPT);
-  third_ = mesh.velocities.data() + size * static_cast<std::size_t>((newest + KEPT - 2) % KEPT);
-}
-
-Motion MeshReader::motion(int axis, int v) const {
-  if (newest_ == nullptr) return {};
-  const std::size_t i = static_cast<std::size_t>(axis) * mesh_->vertices + v;
-  const auto law = phase_.third == 0.0 ? motion_of : third_order_motion_of;
-  return law(newest_[i], second_[i], third_[i], phase_, mesh_->max_velocity);
-}
+      still_(phase_.along == 0.0 && phase_.bend == 0.0 && blend_.offset == 0.0),
+      velocities_(mesh.velocities.data(), 3 * static_cast<std::size_t>(mesh.vertices), mesh.clock) {}
 
 void MeshReader::prepare(std::size_t count) {
   if (!positions_.empty() || VERTICES_READ * count < static_cast<std::size_t>(mesh_->vertices)) return;
@@ -94,7 +81,7 @@ GroundSample MeshReader::below(double x, double y, double z) {
   const Vec3 a = position(k[0]), normal = unit(cross(position(k[1]) - a, position(k[2]) - a));
   const Vec3 moved =
       displacement_of(k[0]) * weights[0] + displacement_of(k[1]) * weights[1] + displacement_of(k[2]) * weights[2];
-  return {height, normal, moved * (1.0 / ahead_), age_, Material{}.friction, true};
+  return {{height, moved * (1.0 / ahead_)}, normal, age_, Material{}.friction, true};
 }
 
 }  // namespace smartmesh

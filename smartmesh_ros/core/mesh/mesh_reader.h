@@ -28,7 +28,10 @@ class MeshReader {
     const Motions m = motions(v);
     return {moved(v, m), displacement_of(v, m)};
   }
-  Motion motion(int axis, int v) const;
+  Motion motion(int axis, int v) const {
+    if (velocities_.newest == nullptr) return {};
+    return velocities_.motion(static_cast<std::size_t>(axis) * mesh_->vertices + v, phase_, mesh_->max_velocity);
+  }
 
   // Returns the highest ground at (x, y) that is not above `z` [m].
   GroundSample below(double x, double y, double z);
@@ -69,8 +72,8 @@ class MeshReader {
   Blend blend_;
   double ahead_, age_, drift_;
   bool still_;
-  const double *newest_ = nullptr, *second_ = nullptr, *third_ = nullptr;  // velocities; null: there are none
-  std::vector<Vec3> positions_, displacements_;                            // of all vertices, or empty
+  LastVelocities<double> velocities_;
+  std::vector<Vec3> positions_, displacements_;  // of all vertices, or empty
   std::vector<int> found_;
 };
 

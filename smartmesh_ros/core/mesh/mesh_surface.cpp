@@ -193,7 +193,7 @@ void MeshSurface::measure() {
 
 double MeshSurface::drift(double time) const {
   const Phase phase = block_phase(clock, time, mode);
-  const Blend blend = blends() ? blend_of(clock, time, 0.0) : Blend{};
+  const Blend blend = MotionRules::blend(clock, time, 0.0);
   return speed_ * std::abs(phase.along) + acceleration_ * std::abs(phase.bend) + offset_ * blend.offset +
          rate_ * blend.rate;
 }

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "map/clock_updates.h"
 #include "map/height_grid.h"
 #include "map/untouched.h"
 #include "math/box_tree.h"
@@ -13,12 +14,16 @@
 
 namespace smartmesh {
 
-// The ground at a point: height [m], NaN = none, unit normal towards the side of the bodies, velocity [m/s] with
-// horizontal motion, age [s], the time since the last map of the place, negative before it, coefficient of friction,
-// and whether it is of a mesh.
-struct GroundSample {
+// Ground at a point: height [m], NaN = none, and mean velocity over a duration, with horizontal motion [m/s].
+struct GroundPoint {
   double height = NONE;
-  Vec3 normal, velocity;
+  Vec3 velocity;
+};
+
+// The same with the unit normal towards the side of the bodies, age [s], the time since the last map of the place,
+// negative before it, coefficient of friction, and whether it is of a mesh.
+struct GroundSample : GroundPoint {
+  Vec3 normal;
   double age = NONE, friction = Material{}.friction;
   bool on_mesh = false;
 };
@@ -40,17 +45,13 @@ struct MeshScratch {
 };
 
 // Its parts have the meanings of TriangleMesh in terrain/trimesh.py.
-struct MeshSurface {
+struct MeshSurface : MotionRules {
   int vertices, triangle_count;
   const std::int64_t* triangles;                 // belong to Python
   std::vector<double> now;                       // positions at the last update, (3, vertices)
   Untouched<double> velocities, offsets, rates;  // (KEPT, 3, vertices), and (3, vertices) as those of HeightGrid
   Clock clock{};
-  Mode mode = Mode::Extrapolate;
-  double max_velocity = 0.0, smoothing = 0.0, shown = INFINITE;  // as in HeightGrid
-  long revision = 0;                                             // changes with every update
-
-  bool blends() const { return mode == Mode::Interpolate || (mode == Mode::Extrapolate && smoothing > 0.0); }
+  long revision = 0;  // changes with every update
 
   MeshSurface(const double* positions, int count, const std::int64_t* corners, int of_corners);
 
@@ -79,5 +80,18 @@ struct MeshSurface {
   // Largest of a vertex along an axis [m/s], [m/s^2], [m], [m/s].
   double speed_ = 0.0, acceleration_ = 0.0, offset_ = 0.0, rate_ = 0.0;
 };
+
+// New positions (3, count) [m] of the vertices `chosen` (count,), null = of all, at `time` [s], and their `velocities`
+// [m/s], null = not given.
+struct NewVertices {
+  const std::int64_t* chosen;
+  const double* positions;
+  const double* velocities;
+  std::ptrdiff_t count;
+  double time;
+};
+
+// Writes new vertices to a mesh; see `take_heights`. Vertices that are not chosen are at rest for that interval.
+void take_vertices(MeshSurface& mesh, const NewVertices& fresh, const Intervals& intervals);
 
 }  // namespace smartmesh

@@ -1,5 +1,4 @@
-#include "mesh/mesh_updates.h"
-
+// Taking updates of a moving mesh: new vertices, and velocities estimated from them.
 #include <algorithm>
 #include <cmath>
 
@@ -63,7 +62,7 @@ void take_vertices(MeshSurface& mesh, const NewVertices& fresh, const Intervals&
   if (mesh.blends()) shown = read_all(mesh, instant);
   const VelocityUpdate update =
       note_update(clock, fresh.time, fresh.velocities != nullptr, fresh.chosen == nullptr, intervals);
-  set_blend(clock, instant, mesh.mode, mesh.smoothing);
+  set_blend(clock, instant, mesh);
   if (clock.newest != newest) std::fill_n(mesh.velocities.data() + clock.newest * size, size, 0.0);
   write(mesh, fresh, update);
   if (mesh.blends()) std::fill_n(mesh.offsets.data(), size, 0.0), std::fill_n(mesh.rates.data(), size, 0.0);

@@ -38,13 +38,13 @@ auto mesh_clock_of(nb::object self) {
 }
 
 auto velocities_of(nb::object self) {
-  MapMemory& map = nb::cast<Grid&>(self).memory;
+  Grid& map = nb::cast<Grid&>(self);
   return view_of(self, map.velocities.data(), KEPT, map.grid.rows, map.grid.columns);
 }
 
 // Returns the clocks (rows, columns, bytes) of the blocks.
 auto clocks_of(nb::object self) {
-  MapMemory& map = nb::cast<Grid&>(self).memory;
+  Grid& map = nb::cast<Grid&>(self);
   const std::size_t columns = static_cast<std::size_t>(map.grid.block_columns);
   return view_of(self, reinterpret_cast<std::uint8_t*>(map.clocks.data()), map.clocks.size() / columns, columns,
                  sizeof(Clock));
@@ -52,7 +52,7 @@ auto clocks_of(nb::object self) {
 
 // Returns the fused heights and their variances (rows, columns); None = heights are not fused.
 nb::object fused_of(nb::object self) {
-  MapMemory& map = nb::cast<Grid&>(self).memory;
+  Grid& map = nb::cast<Grid&>(self);
   if (map.fused.empty()) return nb::none();
   const auto view = [&](std::vector<float>& array) {
     return view_of(self, array.data(), map.grid.rows, map.grid.columns);
@@ -132,7 +132,6 @@ NB_MODULE(_core, m) {
       .def_prop_rw(
           "shown", [](const Mesh& m) { return m.surface.shown; }, [](Mesh& m, double t) { m.surface.shown = t; });
   add_ground(m);
-  add_probe(m);
   add_contacts(m);
   add_queries(m);
   add_updates(m);

@@ -57,12 +57,10 @@ inline void check_clock(const Clock& clock) {
 }
 
 // A height map, whose memory Python sees.
-struct Grid {
-  MapMemory memory;
-  HeightGrid& grid = memory.grid;
+struct Grid : MapMemory {
   std::array<std::optional<Floats2>, LAYERS> layers;  // of the material
 
-  Grid(int rows, int columns) : memory(checked(rows), checked(columns)) {}
+  Grid(int rows, int columns) : MapMemory(checked(rows), checked(columns)) {}
 
   static int checked(int count) {
     if (count < 2 || count > 1 << 24) throw std::invalid_argument("a grid has 2 to 2^24 rows and columns");
@@ -81,7 +79,7 @@ struct Grid {
   void note_change() { grid.revision = next_revision(); }
   void begin_fusion() {
     const StepLock lock;
-    memory.begin_fusion(), note_change();
+    MapMemory::begin_fusion(), note_change();
   }
   void place(double x, double y, double z, double yaw, double resolution) {
     if (!(resolution > 0.0 && std::isfinite(resolution)))
@@ -195,6 +193,10 @@ struct KeptTiles {
   }
 };
 
+class SoilInStep;
+// Returns the soil of an object of Python; throws for any other.
+SoilInStep& soil_of(nb::handle soil);
+
 // Each adds what its room needs.
 void add_queries(nb::module_& m);
 void add_updates(nb::module_& m);
@@ -205,6 +207,5 @@ void add_rows(nb::module_& m);
 void add_contacts(nb::module_& m);
 void add_decks(nb::module_& m);
 void add_ground(nb::module_& m);
-void add_probe(nb::module_& m);
 
 }  // namespace smartmesh

@@ -9,7 +9,7 @@
 #include "bullet/memory.h"
 #include "bullet/moved_bodies.h"
 #include "bullet/world.h"
-#include "python/soil_binding.h"
+#include "python/bindings.h"
 #include "step/step_lock.h"
 
 namespace smartmesh {
@@ -82,10 +82,10 @@ struct Ground {
     tiles = of;
   }
   void set_soil(nb::object of) {
-    Soil* wanted = of.is_none() ? nullptr : &nb::cast<Soil&>(of);
+    SoilInStep* wanted = of.is_none() ? nullptr : &soil_of(of);
     {
       const HeldWorld found = world();
-      found->now.soil = wanted == nullptr ? nullptr : &wanted->soil;
+      found->now.soil = wanted;
       found->sleep.wake_all();
     }
     soil = of;

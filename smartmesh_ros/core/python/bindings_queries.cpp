@@ -1,7 +1,6 @@
 // What Python sees of queries of the ground: heights, facets, rays and scans.
 
 #include "ground/ground_rays.h"
-#include "ground/height_scan.h"
 #include "mesh/mesh_reader.h"
 #include "python/bindings.h"
 
@@ -24,7 +23,7 @@ auto ground_heights(const KeptTiles& tiles, Rows<const Place> points, double tim
   std::vector<double> heights(points.size()), velocities(points.size());
   for (std::size_t k = 0; k < points.size(); ++k) {
     const auto& [x, y] = points[k];
-    const GroundPoint ground = std::isfinite(x) && std::isfinite(y) ? reader.highest(x, y) : GroundPoint{NONE, {}};
+    const GroundSample ground = std::isfinite(x) && std::isfinite(y) ? reader.highest(x, y) : GroundSample{};
     heights[k] = ground.height, velocities[k] = ground.velocity.z;
   }
   return std::make_tuple(array_of(std::move(heights)), array_of(std::move(velocities)));
@@ -40,7 +39,7 @@ auto ground_samples(const KeptTiles& tiles, Rows<const Vec3> points, double time
   for (std::size_t k = 0; k < count; ++k) {
     const Vec3& p = points[k];
     GroundSample ground = std::isfinite(p.x) && std::isfinite(p.y) ? reader.below(p) : GroundSample{};
-    if (std::isnan(ground.height)) ground = {NONE, NOWHERE, NOWHERE, NONE, NONE};
+    if (std::isnan(ground.height)) ground = {{NONE, NOWHERE}, NOWHERE, NONE, NONE};
     heights[k] = ground.height, normals[k] = ground.normal, velocities[k] = ground.velocity;
     ages[k] = ground.age, friction[k] = ground.friction;
   }
@@ -49,7 +48,7 @@ auto ground_samples(const KeptTiles& tiles, Rows<const Vec3> points, double time
 }
 
 // Writes the heights (n, k) [m] of the highest ground at a pattern of points (k, 2) [m] in the frame of each pose (n,
-// 3), at `time` [s]; see ground/height_scan.h.
+// 3), at `time` [s]; see `scan_heights`.
 void scan_heights_at(const KeptTiles& tiles, Rows<const Vec3> poses, Rows<const Place> pattern, double time,
                      Array<double, 2> heights) {
   const std::size_t count = poses.size(), points = pattern.size();

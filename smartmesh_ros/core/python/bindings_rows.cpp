@@ -15,64 +15,6 @@ namespace {
 // How much a ray may miss a box [m], against rounding.
 constexpr double SLACK = 1e-9;
 
-// In the order of INVALID in world/state_table.py, which has the words for them.
-enum class Fault : int { NotFinite, Orientation, Position, Velocity, Spin, Kind, Size, Centre, Radius, Mass, None };
-
-// Largest coordinate [m], speed [m/s], spin [rad/s] and error of a quaternion's length; least and largest size [m] and
-// mass [kg].
-struct BodyLimits {
-  double farthest, fastest, fastest_spin, slack, least_size, largest_size, least_mass, largest_mass;
-};
-
-// Returns true if no coordinate is beyond a limit, or NaN.
-bool are_within(const Vec3& v, double limit) {
-  return std::abs(v.x) <= limit && std::abs(v.y) <= limit && std::abs(v.z) <= limit;
-}
-
-bool is_between(double value, double least, double largest) { return value >= least && value <= largest; }
-
-Fault fault_of_state(const BodyState& state, const BodyLimits& limits) {
-  const double* numbers = &state.pose.at.x;
-  if (!std::all_of(numbers, numbers + BODY_COLUMNS, [](double value) { return std::isfinite(value); }))
-    return Fault::NotFinite;
-  const double length = std::sqrt(dot(state.pose.orientation, state.pose.orientation));
-  if (!(std::abs(length - 1.0) <= limits.slack)) return Fault::Orientation;
-  if (!are_within(state.pose.at, limits.farthest)) return Fault::Position;
-  if (!are_within(state.linear, limits.fastest)) return Fault::Velocity;
-  return are_within(state.angular, limits.fastest_spin) ? Fault::None : Fault::Spin;
-}
-
-// Returns the first fault of a body, None if it is possible. `wanted`: number of its dimensions, 0 = there is no such
-// kind.
-Fault fault_of(const BodyState& state, std::int64_t wanted, const Vec3& dimensions, const Vec3& centre, double radius,
-               double mass, const BodyLimits& limits) {
-  if (const Fault fault = fault_of_state(state, limits); fault != Fault::None) return fault;
-  if (wanted == 0) return Fault::Kind;
-  for (int k = 0; k < std::min<std::int64_t>(wanted, 3); ++k)
-    if (!is_between(component(dimensions, k), limits.least_size, limits.largest_size)) return Fault::Size;
-  if (!are_within(centre, limits.largest_size)) return Fault::Centre;
-  if (!is_between(radius, limits.least_size, limits.largest_size)) return Fault::Radius;
-  return is_between(mass, limits.least_mass, limits.largest_mass) ? Fault::None : Fault::Mass;
-}
-
-// Number of dimensions of each kind, and the BodyLimits.
-using Limits = std::tuple<Slots, One<BodyLimits, 8>>;
-
-// Returns the row and the Fault of the first impossible body, None if there is none. Bodies: `states` (n, 13), bounding
-// `radii` (n,) [m], `kinds` (n,), `dimensions` (n, 3) [m], `centres` (n, 3) relative to the centres of mass [m], and
-// `masses` (n,) [kg]; see StateTable in world/state_table.py.
-nb::object first_fault(Rows<const BodyState> states, Doubles1 radii, Rows<const std::uint8_t> kinds,
-                       Rows<const Vec3> dimensions, Rows<const Vec3> centres, Doubles1 masses, Limits limits) {
-  check_counts(states.size(), radii, kinds, dimensions, centres, masses);
-  const auto& [of_kinds, most] = limits;
-  for (std::size_t k = 0; k < states.size(); ++k) {
-    const std::int64_t wanted = kinds[k] < of_kinds.size() ? of_kinds[kinds[k]] : 0;
-    const Fault fault = fault_of(states[k], wanted, dimensions[k], centres[k], radii[k], masses[k], *most);
-    if (fault != Fault::None) return nb::make_tuple(k, static_cast<int>(fault));
-  }
-  return nb::none();
-}
-
 // Returns a state extrapolated by a `duration` [s], which may be negative, at constant velocities.
 BodyState extrapolated(const BodyState& state, double duration) {
   BodyState moved = state;
@@ -215,8 +157,6 @@ nb::object split_bodies(Rows<const std::uint8_t> content, std::size_t at, Array<
 }  // namespace
 
 void add_rows(nb::module_& m) {
-  m.def("first_fault", &first_fault, "states"_a, "radii"_a, "kinds"_a, "dimensions"_a, "centres"_a, "masses"_a,
-        "limits"_a);
   m.def("extrapolated", &extrapolated_states, "states"_a, "duration"_a);
   m.def("blended", &blended_states, "states"_a, "targets"_a, "share"_a);
   m.def("near_any", &near_any, "remote"_a, "duration"_a, "attached"_a, "horizon"_a);

@@ -2,10 +2,8 @@
 #include <cmath>
 #include <vector>
 
-#include "map/map_corrections.h"
 #include "map/map_updates.h"
 #include "map/sample_lattice.h"
-#include "mesh/mesh_updates.h"
 #include "python/bindings.h"
 
 namespace smartmesh {

@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "math/triangle.h"
-#include "shape/hull_faces.h"
 
 namespace smartmesh {
 

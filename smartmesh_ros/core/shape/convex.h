@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "shape/shape.h"
+#include "shape/solid.h"
 
 namespace smartmesh {
 
@@ -58,6 +58,11 @@ Convex ball(double radius);
 Convex capsule(double radius, double half);
 Convex cylinder(double radius, double half);
 Convex box(const Vec3& half);
+
+// Returns the faces of the convex hull as loops of indices, counterclockwise seen from outside. Points that are outside
+// the hull of the others by at most `tolerance` [m] are not corners, so that points of a plane or a line leave no
+// slivers. Flat points have two faces, points on a line none.
+std::vector<std::vector<int>> hull_faces(const std::vector<Vec3>& points, double tolerance);
 
 // Returns the convex hull of some points, at least one, grown by a margin.
 Convex hull(const std::vector<Vec3>& points, double margin);

@@ -1,9 +1,9 @@
 // Quickhull: the point farthest outside a face is added, in place of all faces that it sees, until none is outside.
-#include "shape/hull_faces.h"
-
 #include <algorithm>
 #include <cmath>
 #include <map>
+
+#include "shape/convex.h"
 
 namespace smartmesh {
 

@@ -24,6 +24,9 @@ constexpr double HIGHER = 0.01;
 // Returns by how much slip deepens a wheel's rut: Lyasko, Slip sinkage effect in soil-vehicle mechanics, 2010.
 double slip_sinkage(double slip) { return (1.0 + slip) / (1.0 - 0.5 * slip); }
 
+// Returns the vertical component of a normal that tells by how much a sample presses.
+double pressing(const Vec3& normal) { return std::max(normal.z, LEAST_VERTICAL); }
+
 // Returns true if a part rolls: here it turns about its own axis alone, and its quarters go down by themselves.
 bool rolls(const Solid& solid) { return solid.shape->kind == ShapeKind::Ball || lies(solid); }
 
@@ -101,17 +104,16 @@ void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, const Mo
       const bool leaves = parting > 0.0;
       // The part was not above this sample in the last step, and did not go down as far as the soil stands above it: it
       // met a wall higher than itself from the side. Nobody pressed that soil, so it bears nothing and makes room.
-      const double down = std::max(0.0, -parting) / std::max(normal.z, LEAST_VERTICAL) * step.dt;
+      const double down = std::max(0.0, -parting) / pressing(normal) * step.dt;
       if (sample.step < step.last && sample.level - sample.yield.plastic > placed.z - placed.lowest + down) {
         if (deepest > 0.0) continue;
         sample.yield.plastic = sample.level - (placed.z + low);
         soil.note(r, c);
         continue;
       }
-      under_.push_back({&sample, &own, r, c, offset, normal,
-                        lever_at(offset, normal) * (1.0 / std::max(normal.z, LEAST_VERTICAL)), placed.z + low,
-                        sample.level - sample.yield.plastic - loaded / own.elastic, row_.share[k] * spacing * spacing,
-                        leaves});
+      under_.push_back({&sample, &own, r, c, offset, normal, lever_at(offset, normal) * (1.0 / pressing(normal)),
+                        placed.z + low, sample.level - sample.yield.plastic - loaded / own.elastic,
+                        row_.share[k] * spacing * spacing, leaves});
     }
   }
 }
@@ -204,7 +206,7 @@ bool SoilUnderBody::find_quarters(const PlacedPart& placed, const ShearedRim& ri
     const double u = under.offset.x - x, v = under.offset.y - y;
     under.quarter = (u * along.x + v * along.y > 0.0 ? 1 : 0) + (v * along.x - u * along.y > 0.0 ? 2 : 0);
     Quarter& quarter = quarters[under.quarter];
-    const double area = under.area / std::max(under.normal.z, LEAST_VERTICAL), force = area * under.total;
+    const double area = under.area / pressing(under.normal), force = area * under.total;
     quarter.force = quarter.force + under.normal * force;
     quarter.place = quarter.place + under.offset * force;
     quarter.weight += force;
@@ -216,7 +218,7 @@ bool SoilUnderBody::find_quarters(const PlacedPart& placed, const ShearedRim& ri
   for (const Under& under : under_) {
     if (!under.carries()) continue;
     Quarter& quarter = quarters[under.quarter];
-    const double part = dot(under.normal, quarter.normal) / std::max(under.normal.z, LEAST_VERTICAL);
+    const double part = dot(under.normal, quarter.normal) / pressing(under.normal);
     quarter.slope += under.area * under.stiffness * part * part * dt;
   }
   return true;

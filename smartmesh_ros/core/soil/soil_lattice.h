@@ -26,11 +26,7 @@ struct FineSample {
   std::int32_t step = 0;
 };
 
-// Soils of a map; the array belongs to Python.
-struct Soils {
-  const SoilType* first = nullptr;
-  int count = 0;
-};
+using Soils = std::vector<SoilType>;  // of a map, at least one
 
 // A sample of the map, and its height after bodies pressed the soil there, without the map's z [m].
 struct PressedNode {
@@ -57,9 +53,9 @@ class SoilLattice {
   double spacing() const { return map_.resolution / refine_; }
   int rows() const { return (map_.rows - 1) * refine_ + 1; }
   int columns() const { return (map_.columns - 1) * refine_ + 1; }
-  int kind(int row, int column) const { return std::min<int>(kinds_[nearest(row, column)], soils_.count - 1); }
-  int soil_count() const { return soils_.count; }
-  const SoilType& soil(int kind) const { return soils_.first[kind]; }
+  int kind(int row, int column) const { return std::min<int>(kinds_[nearest(row, column)], soil_count() - 1); }
+  int soil_count() const { return static_cast<int>(soils_.size()); }
+  const SoilType& soil(int kind) const { return soils_[kind]; }
   // Takes which soil each sample of the map is. Soil of another kind keeps its sinkage, but has borne nothing yet.
   void set_kinds(const std::uint8_t* kinds);
 

@@ -1,5 +1,5 @@
 // The convex hull of points: triangles of one plane are one face.
-#include "shape/hull_faces.h"
+#include "shape/convex.h"
 
 #include <gtest/gtest.h>
 
