@@ -97,6 +97,7 @@ class Imu:
     _before: BodyState | None  # before the step
 
     def __init__(self, world: World, name: str, link: str = "", config: ImuConfig | None = None) -> None:
+        require(isinstance(world, World), "imu", "the world of an IMU", world, "a World")
         config = ImuConfig() if config is None else config
         require(isinstance(config, ImuConfig), "imu", "the config of an IMU", config, "ImuConfig(...)")
         self.name, self.link, self.config = name, link, config

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from smartmesh_ros import Base, BodyState, HeightScanner, Imu, InputError, PhysicsConfig, World, WorldConfig
+from smartmesh_ros import Base, BaseConfig, BodyState, HeightScanner, Imu, InputError, PhysicsConfig, World, WorldConfig
 from smartmesh_ros.ground.shapes import Box, Hull, Sphere
 from smartmesh_ros.node.inputs.tracking import Tracking
 from tests import urdfs
@@ -28,6 +28,8 @@ from tests.grounds import level, moving
         (lambda w: w.height_scan("ball", "isaac_lab"), "height_scan: "),
         (lambda w: HeightScanner(w, "ball", "isaac_lab"), "height_scan: "),
         (lambda w: Imu(w, "ball", config=100.0), "imu: "),
+        (lambda _: Imu(None, "ball"), "world of an IMU is None"),
+        (lambda _: Base(None, "ball", BaseConfig(wheels=("a", "b"))), "world of a base is None"),
         (lambda w: Base(w, "ball", "husky"), "base: "),
         (lambda w: w.spawn("x", Sphere(0.1), 1.0, align=True), "parameter: "),
         (lambda w: w.spawn_robot("x", urdfs.HUSKY, clearance=0.1), "parameter: "),
