@@ -180,7 +180,7 @@ MAPS = f"qos_overrides.{COLLIDER}/heightmap.subscription"
         ({"qos_overrides.depth": 5}, "qos_overrides.<topic>"),
         # Lists of YAML mappings: what all have in common.
         ({"height_scans": ["robot"]}, "must be a mapping with body"),
-        ({"height_scans": ["{body: robot"]}, "is no YAML"),
+        *(({"height_scans": [text]}, "is no YAML") for text in ("{body: robot", "{body: !!bool x}", "!!timestamp now")),
         ({"height_scans": ["{body: yes}"]}, "cannot name a body"),
         ({"height_scans": ["{body: robot/base}"]}, "without '/'"),
         ({"height_scans": ["{body: robot, rate: 0}"]}, "rate is 0; it must be of type float, 0.01 to 1000"),
