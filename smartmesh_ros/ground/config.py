@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from smartmesh_ros.errors import InputError, as_float, require_not_negative
+from smartmesh_ros.errors import InputError, as_float, require_flag, require_not_negative
 from smartmesh_ros.ground.state import Vector
 
 
@@ -33,8 +33,9 @@ class PhysicsConfig:
     solver_residual: float = 1e-9
 
     def __post_init__(self) -> None:
-        if not 0.0 < as_float(self.rate) < math.inf:
+        if not (0.0 < as_float(self.rate) < math.inf and self.dt < math.inf):
             raise InputError("parameter", f"physics rate is {self.rate} Hz; it must be finite and greater than zero")
+        require_flag(self.sleep, "parameter", "physics sleep")
         gravity = tuple(map(as_float, self.gravity)) if isinstance(self.gravity, Iterable) else ()
         if len(gravity) != 3 or not all(map(math.isfinite, gravity)):
             raise InputError("parameter", f"gravity is {self.gravity}; it must be three finite numbers [m/s^2]")

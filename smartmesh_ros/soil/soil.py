@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.errors import InputError, as_float, require
+from smartmesh_ros.errors import InputError, as_float, require_flag
 from smartmesh_ros.soil.config import SoilType, soil_table, soils_from
 from smartmesh_ros.terrain.grid import FloatArray, Region
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -125,7 +125,7 @@ class Soil:
 
     @slip_sinkage.setter
     def slip_sinkage(self, on: bool) -> None:
-        require(isinstance(on, bool | np.bool_), "soil", "slip_sinkage", on, "True or False")
+        require_flag(on, "soil", "slip_sinkage")
         self.core.sinks_by_slip = bool(on)
 
     def show(self) -> int:

@@ -145,7 +145,7 @@ class Deck(Tiles):
 
     def moving(self, time: float) -> bool:
         """Return True if the frame may move at ``time`` [s]."""
-        return bool(self.core.moves(time))
+        return bool(self.core.moves(checked_time(time)))
 
     @property
     def thickness(self) -> float:

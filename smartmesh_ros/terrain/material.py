@@ -53,7 +53,7 @@ class Material:
     ground, as pressure over the rate of depth; usually 0. ``restitution``: by which that of a body is multiplied, up to
     1, which is usual. ``rolling``: coefficient of rolling resistance, force over load of a wheel; usually 0. ``soil``:
     which soil each sample is, by its place in the list of a `Soil` (rows, columns); usually 0. NaN and masked samples
-    stand for the usual number.
+    stand for the usual number; those of ``soil`` are whole numbers, and none is masked.
     """
 
     friction: float | ArrayLike | None = None

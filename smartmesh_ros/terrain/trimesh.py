@@ -116,7 +116,7 @@ class TriangleMesh(MovingGround):
 
     def moving(self, time: float) -> bool:
         """Return True if any vertex may move at ``time`` [s]."""
-        return bool(self.core_reader.moves(time))
+        return bool(self.core_reader.moves(checked_time(time)))
 
     def sample(self, indices: IntArray, time: float, ahead: float = INSTANT) -> MeshSamples:
         """Return vertices (n,) at ``time`` [s]; velocities are means over the time ``ahead`` [s]."""

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError, as_float, require
+from smartmesh_ros.errors import InputError, as_float, require, require_body_name
 from smartmesh_ros.ground.quaternions import Z, about
 from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.world.base_config import BaseConfig
@@ -85,6 +85,7 @@ class Base:
     def __init__(self, world: World, name: str, config: BaseConfig) -> None:
         require(isinstance(world, World), "base", "the world of a base", world, "a World")
         require(isinstance(config, BaseConfig), "base", "the config of a base", config, "BaseConfig(...)")
+        require_body_name(name)
         self.name, self.config = name, config
         if any(isinstance(other, Base) and other.name == name for other in world.watchers):
             raise InputError(

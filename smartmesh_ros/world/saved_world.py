@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import pybullet as pb
 
-from smartmesh_ros.errors import checked_seed
+from smartmesh_ros.errors import checked_count
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.shapes import Hull
 from smartmesh_ros.terrain import state_file
@@ -153,7 +153,7 @@ class SavedWorld(Population):
         such a reset, too.
         """
         if seed is not None:
-            seed = checked_seed(seed, "seed", "the seed")
+            seed = checked_count(seed, "seed", "the seed")
         self.reset_time()
         if seed is not None:
             self._begin_episode(seed)

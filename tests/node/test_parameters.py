@@ -188,7 +188,7 @@ MAPS = f"qos_overrides.{COLLIDER}/heightmap.subscription"
         ({"imus": ["{body: a, link: b c}", "{body: a, link: b_c}"]}, "two entries for ~/imu/a/b_c"),
         ({"decks": ["{deck: ferry, frame: a}"] * 2}, "two entries"),
         # And what is their own.
-        ({"height_scans": ["{body: robot, layout: isaac_gym}"]}, "choose one of ['isaac_lab'"),
+        ({"height_scans": ["{body: robot, layout: isaac_gym}"]}, "one of ('isaac_lab'"),
         ({"imus": ["{body: robot, link: [a]}"]}, "link is ['a']; it must be of type str"),
         ({"bases": ["{body: robot}"]}, "a base has wheels, with or without steering, or tracks"),
         ({"bases": ["{body: robot, wheels: [a, b], publish_tf: 1}"]}, "publish_tf is 1; it must be of type bool"),
