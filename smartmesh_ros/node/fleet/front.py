@@ -31,7 +31,7 @@ from smartmesh_ros.node.outputs.diagnostics import task_status
 from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.settings import full_names
-from smartmesh_ros.node.refusals import LOG_PERIOD, shortened
+from smartmesh_ros.node.refusals import GRACE, LOG_PERIOD, shortened
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.services.body_services import failures_of, noting
 from smartmesh_ros.node.session import SERVICES
@@ -95,6 +95,7 @@ class Front(ParameterNode):
         self._readers = {node: PeerReader() for node in self.ledger.members}
         self._states = {node: Polled(self, node) for node in self.ledger.members}
         self._timings: dict[str, Timing] = {}
+        self._started_at = monotonic()  # [s]
         for node in self.ledger.members:
             take = partial(self._timings.__setitem__, marker_namespace(node).rpartition("/")[2])
             self.create_subscription(Timing, f"{node}/timing", take, 10)
@@ -217,6 +218,8 @@ class Front(ParameterNode):
         self._timings.clear()
         self.ledger.connected = {f"{space.rstrip('/')}/{name}" for name, space in self.get_node_names_and_namespaces()}
         living, waiting, starting = self.ledger.living, self.ledger.waiting, self.ledger.starting
+        if not (living or starting) and monotonic() - self._started_at > GRACE:
+            self.get_logger().warning(f"none of {', '.join(self.ledger.members)} is heard; start them", once=True)
         counts = Counter(entry.node for entry in self.ledger.bodies.values())
         dead = self.ledger.members.keys() - {*living, *starting}
         values: dict[str, Any] = {
