@@ -93,7 +93,7 @@ class Soil:
         }  # fmt: skip
 
     @classmethod
-    def from_state(cls, terrain: MainMesh | Terrain, state: dict[str, Any], tile: str = "") -> Soil:
+    def from_state(cls, terrain: MainMesh | Terrain, state: dict[str, Any], tile: str) -> Soil:
         """Return the soil of such a state, on a map that was restored with it. Raises `InputError` if it is none."""
         soils = [SoilType(**soil) for soil in state["soils"]]
         made = cls(terrain, soils, tile=tile, spacing=state["spacing"], slip_sinkage=bool(state["slip_sinkage"]))
@@ -105,7 +105,7 @@ class Soil:
             made._changed = state["changed"]
         return made
 
-    def become(self, terrain: MainMesh | Terrain, state: dict[str, Any], tile: str = "") -> None:
+    def become(self, terrain: MainMesh | Terrain, state: dict[str, Any], tile: str) -> None:
         """Be the soil of such a state, as `from_state`."""
         vars(self).update(vars(Soil.from_state(terrain, state, tile)))
 

@@ -70,15 +70,15 @@ class SavedWorld(Population):
             ends={joint: end for (name, joint), end in self._ends.items() if name == body.name},
         )  # fmt: skip
 
-    def state_bytes(self, extra: dict[str, Any] | None = None) -> bytes:
-        """Return the whole state, as `save` does, and go on as before. ``extra``: what is saved with it."""
-        return self._whole(self.snapshot(), extra)
+    def state_bytes(self) -> bytes:
+        """Return the whole state, as `save` does, and go on as before."""
+        return self._whole(self.snapshot())
 
     def _saved(self, extra: dict[str, Any] | None = None) -> bytes:
         """Return the whole state as other worlds take it over."""
         return self._whole(self.snapshot().rounded(), extra)
 
-    def _whole(self, snapshot: Snapshot, extra: dict[str, Any] | None) -> bytes:
+    def _whole(self, snapshot: Snapshot, extra: dict[str, Any] | None = None) -> bytes:
         """Return the whole state, with a snapshot of its bodies."""
         state = WorldState(
             **self.ground.laid(),

@@ -16,7 +16,6 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from smartmesh_msgs.msg import BodySpecification, Timing, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
@@ -34,7 +33,7 @@ from smartmesh_ros.node.parameters.settings import full_names
 from smartmesh_ros.node.refusals import GRACE, LOG_PERIOD, shortened
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.services.body_services import failures_of, noting
-from smartmesh_ros.node.session import SERVICES
+from smartmesh_ros.node.session import OUTPUTS, SERVICES
 
 _D = LedgerConfig()
 SPECS = (
@@ -103,9 +102,9 @@ class Front(ParameterNode):
         self._serve(SpawnBodies, "spawn_bodies", self._spawn, lambda request: request.bodies)
         self._serve(RemoveBody, "remove_body", self._remove, lambda request: [request.id])
         self._serve(RemoveBodies, "remove_bodies", self._remove, lambda request: request.ids)
-        self._patches = self.create_publisher(MarkerArray, "~/patches", QoSProfile(depth=10))
-        self._timing = self.create_publisher(Timing, "~/timing", QoSProfile(depth=10))
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
+        self._patches = self.create_publisher(MarkerArray, "~/patches", OUTPUTS)
+        self._timing = self.create_publisher(Timing, "~/timing", OUTPUTS)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", OUTPUTS)
         self.create_timer(CHECK_PERIOD, self._check_nodes, callback_group=self._group)
         self.create_timer(REPORT_PERIOD, self._report, callback_group=self._group)
 
