@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError, is_number, naming
+from smartmesh_ros.errors import InputError, is_number, naming, require
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.material import MOST_SOILS
 from smartmesh_ros.yaml_text import parsed_yaml
@@ -56,8 +56,7 @@ class SoilType:
         for field in fields(self):
             value = getattr(self, field.name)
             low, high = _LIMITS[field.name]
-            if not is_number(value) or not low <= value <= high:
-                raise InputError("soil", f"{field.name} is {value!r}; it must be {low:g} to {high:g}")
+            require(is_number(value) and low <= value <= high, "soil", field.name, value, f"{low:g} to {high:g}")
             object.__setattr__(self, field.name, float(value))  # to be saved
         if self.elastic_K <= self.Bekker_Kphi:
             raise InputError(

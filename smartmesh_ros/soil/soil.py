@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.errors import InputError, as_float, require_flag
+from smartmesh_ros.errors import InputError, as_float, require, require_flag
 from smartmesh_ros.soil.config import SoilType, soil_table, soils_from
 from smartmesh_ros.terrain.grid import FloatArray, Region
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -55,8 +55,7 @@ class Soil:
         spacing: float = 0.01,
         slip_sinkage: bool = True,
     ) -> None:
-        if not 1e-3 <= as_float(spacing) <= 10.0:
-            raise InputError("soil", f"spacing is {spacing}; it must be 0.001 to 10 m")
+        require(1e-3 <= as_float(spacing) <= 10.0, "soil", "spacing", spacing, "0.001 to 10 m")
         self.soils = soils_from(soil)
         mesh = Terrain.of(terrain).tile(tile)
         if not isinstance(mesh, HeightMap):

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from smartmesh_ros.errors import InputError, is_number
+from smartmesh_ros.errors import InputError, is_number, require
 from smartmesh_ros.terrain.checked_heights import as_floats, unmasked
 
 # Most soils of a map.
@@ -142,8 +142,7 @@ def checked_layer(name: str, layer: Any, shape: tuple[int, ...]) -> Layer:
     allowed = RANGES[name]
     if is_number(layer):
         number = float(layer)
-        if not _fits(number, allowed) and not number == allowed.usual:
-            raise InputError(name, f"{name} is {number}; it must be {allowed.rule}")
+        require(_fits(number, allowed) or number == allowed.usual, name, name, number, allowed.rule)
         return number
     samples = np.array(as_floats(layer, shape, f"numbers of {name}"), order="C")
     low, high = np.fmin.reduce(samples, axis=None), np.fmax.reduce(samples, axis=None)

@@ -88,9 +88,7 @@ class Base:
         require_body_name(name)
         self.name, self.config = name, config
         if any(isinstance(other, Base) and other.name == name for other in world.watchers):
-            raise InputError(
-                "base", f"a base drives {name!r} already, after a restore or respawn, too; close() that one"
-            )
+            raise InputError("base", f"a base drives {name!r} already, also one that comes anew; close() that base")
         self._world = world
         self._body: Body | None = None  # that `_geometry` is of
         self._geometry: BaseGeometry | None = None

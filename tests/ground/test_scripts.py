@@ -59,10 +59,13 @@ def settings() -> Iterator[tuple[Callable[[int], Any], str]]:
     yield (lambda c: BodyState((0.0, 0.0, 1.0), (0.0, 0.0, 1.0))), "it must be 4 numbers"
     yield (lambda c: SleepConfig(after=-1.0)), "after of sleep is -1.0; it must be zero"
     yield (lambda c: FallConfig(period=np.nan)), "period of falls is nan"
-    yield (lambda c: FallConfig(depth="deep")), "depth is deep m"
+    yield (lambda c: FallConfig(depth="deep")), "depth is 'deep'"
     yield (lambda c: GuestConfig(settle=-0.1)), "settle of guests is -0.1"
     for margin in (0.0, "wide"):
-        yield (lambda c, margin=margin: GuestConfig(margin=margin)), f"margin of guests is {margin} m"
+        yield (
+            (lambda c, margin=margin: GuestConfig(margin=margin)),
+            f"margin of guests is {margin!r}; it must be finite",
+        )
     for name, wrong in (
         ("rate", 0.0), ("rate", np.nan), ("rate", "fast"), ("seed", -1), ("seed", 0.5), ("gyroscope_bias", (0.0, 1.0)),
         ("accelerometer_bias", (0.0, 0.0, np.inf)), ("gyroscope_noise_density", -1.0),

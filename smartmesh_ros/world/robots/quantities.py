@@ -10,7 +10,7 @@ import math
 import re
 from xml.etree import ElementTree
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, require
 from smartmesh_ros.ground.limits import FARTHEST_BODY, MASSES, SIZES
 from smartmesh_ros.world.robots.description import Description
 
@@ -129,10 +129,8 @@ def _check_inertial(inertial: ElementTree.Element, what: str) -> None:
     if mass is None or inertia is None:
         raise InputError("urdf", f"the <inertial> of {what} needs <mass value=.../> and <inertia .../>")
     [value] = numbers(mass, "value", what, 1)
-    if value and not _MASSES[0] <= value <= _MASSES[1]:
-        raise InputError(
-            "urdf", f"the mass of {what} is {value:g} kg; it must be 0, or {_MASSES[0]:g} to {_MASSES[1]:g}"
-        )
+    low, high = _MASSES
+    require(not value or low <= value <= high, "urdf", f"the mass of {what}", value, f"0, or {low:g} to {high:g} kg")
 
 
 def _check_shape(collision: ElementTree.Element, what: str) -> None:
@@ -146,10 +144,8 @@ def _check_shape(collision: ElementTree.Element, what: str) -> None:
     [shape] = shapes
     for key, count in SHAPES[shape.tag].items():
         for value in numbers(shape, key, what, count):
-            if not SIZES[0] <= value <= SIZES[1]:
-                raise InputError(
-                    "urdf", f"{key} of a {shape.tag} of {what} is {value:g} m; it must be {SIZES[0]:g} to {SIZES[1]:g}"
-                )
+            low, high = SIZES
+            require(low <= value <= high, "urdf", f"{key} of a {shape.tag} of {what}", value, f"{low:g} to {high:g} m")
     if shape.tag == "mesh":
         if not shape.get("filename"):
             raise InputError("urdf", f"a mesh of {what} has no filename")
