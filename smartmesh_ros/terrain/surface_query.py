@@ -84,9 +84,7 @@ def checked_rays(origins: ArrayLike, directions: ArrayLike, reach: float) -> Ray
         raise InputError("type", "origins or directions are no real numbers; every coordinate must be one")
     starts, ways = (np.array(array, np.float64, order="C") for array in given)
     if not (np.isfinite(starts).all() and np.isfinite(ways).all()):
-        raise InputError(
-            "non_finite", "origins or directions contain numbers that are not finite; every number must be"
-        )
+        raise InputError("non_finite", "origins or directions are not finite; every number must be")
     if np.abs(starts).max(initial=0.0) > MAX_COORDINATE:
         raise InputError("geometry", f"origins are up to {np.abs(starts).max():g} m away; at most {MAX_COORDINATE:g}")
     good = 0.0 < as_float(reach) <= MAX_COORDINATE

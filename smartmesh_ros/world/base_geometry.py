@@ -139,9 +139,7 @@ def _turning(x: FloatArray, y: FloatArray, track: float, name: str) -> FloatArra
     base turns as if it were wider by the factor 1 + mean(x^2) / mean(y^2), x from the middle of the wheels.
     """
     if not (y.min() < 0.0 < y.max()):
-        raise InputError(
-            "base", f"the wheels or tracks of {name!r} are all on one side of its middle; name those of both"
-        )
+        raise InputError("base", f"wheels or tracks of {name!r} are all on one side of its middle; name those of both")
     if track:
         return np.sign(y) * 0.5 * track
     return y * (1.0 + float(np.var(x) / np.mean(y * y)))
