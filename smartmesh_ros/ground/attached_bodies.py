@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from functools import partial
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -113,9 +114,9 @@ class AttachedBodies:
                 added.append(follower.slot)
         return made[0]
 
-    def is_ground(self, body: int) -> bool:
+    def is_ground(self, body: object) -> bool:
         """Return True if a PyBullet body stands for the ground, such as the other body of a contact point."""
-        return bool(self.contacts.core.is_ground(body))
+        return isinstance(body, Integral) and bool(self.contacts.core.is_ground(body))
 
     def detach(self, body: int) -> None:
         """Take ``body`` and its links off the ground. A body that is removed from PyBullet is taken off by itself."""
