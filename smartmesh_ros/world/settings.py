@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from smartmesh_ros.errors import InputError, as_float, require, require_not_negative
+from smartmesh_ros.errors import as_float, require, require_not_negative
 from smartmesh_ros.ground.config import PhysicsConfig, SleepConfig
 from smartmesh_ros.ground.limits import FARTHEST_BODY
 
@@ -77,5 +77,4 @@ class WorldConfig:
         for each in fields(self):
             value: Any = getattr(self, each.name)
             kind: Any = each.default_factory
-            if not isinstance(value, kind):
-                raise InputError("parameter", f"{each.name} of a world is {value!r}; pass {kind.__name__}(...)")
+            require(isinstance(value, kind), "parameter", f"{each.name} of a world", value, f"{kind.__name__}(...)")

@@ -51,7 +51,8 @@ class World(SavedWorld):
         config: WorldConfig | None = None,
         stopwatch: Stopwatch | None = None,
     ) -> None:
-        self.config = _checked(config or WorldConfig())
+        self.config = config or WorldConfig()
+        _require_settings(self.config)
         self._terrain = Terrain() if terrain is None else Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
         self.watchers: list[StepWatcher] = []
@@ -94,7 +95,7 @@ class World(SavedWorld):
 
     def configure(self, config: WorldConfig) -> None:
         """Replace the settings; new friction and restitution apply to later bodies only."""
-        _checked(config)
+        _require_settings(config)
         self.ground.wake()  # PyBullet changes the gravity of awake bodies only
         before = self.config
         with undone(lambda: set_up(self.client, before.physics)):
@@ -210,8 +211,5 @@ class World(SavedWorld):
         self.ground.let_sleep(self.config.sleep if self.config.physics.sleep else None)
 
 
-def _checked(config: WorldConfig) -> WorldConfig:
-    """Return the settings of a world; raises `InputError` if they are none."""
-    if not isinstance(config, WorldConfig):
-        raise InputError("parameter", f"the settings are {config!r}; pass WorldConfig(physics=..., ...)")
-    return config
+def _require_settings(config: object) -> None:
+    require(isinstance(config, WorldConfig), "parameter", "settings", config, "WorldConfig(physics=..., ...)")

@@ -48,8 +48,8 @@ def ball_in(client: int) -> int:
 
 def settings() -> Iterator[tuple[Callable[[int], Any], str]]:
     """Settings and states that are wrong, and words of the refusals."""
-    yield (lambda c: World(level(), PhysicsConfig())), "pass WorldConfig(physics="
-    yield (lambda c: WorldConfig(physics=None)), "physics of a world is None; pass PhysicsConfig(...)"
+    yield (lambda c: World(level(), PhysicsConfig())), "must be WorldConfig(physics="
+    yield (lambda c: WorldConfig(physics=None)), "physics of a world is None; it must be PhysicsConfig(...)"
     yield (lambda c: PhysicsConfig(gravity=9.81)), "gravity is 9.81; it must be three"
     for name, value in {"rate": "fast", "gravity": (0.0, np.nan, 0.0), "restitution": 1.5, "friction": -0.1}.items():
         yield (lambda c, name=name, value=value: PhysicsConfig(**{name: value})), name

@@ -60,7 +60,7 @@ from tests.grounds import level, moving
         (lambda w: w.spawn("x", Sphere(0.1), 1.0, on_ground=True, clearance="some"), "clearance is 'some'"),
         (lambda w: w.track("x", "ball", BodyState()), "radius of the sphere is ball m"),
         (lambda w: w.spawn_robot("x", 5), "type int; pass the text or the path of a URDF"),
-        (lambda w: w.configure(PhysicsConfig()), "pass WorldConfig(physics="),
+        (lambda w: w.configure(PhysicsConfig()), "must be WorldConfig(physics="),
         *(
             (partial(act, steps), f"steps: the number of steps is {steps!r}; it must be a whole number from 0 on")
             for act in (lambda steps, w: w.step(steps), lambda steps, w: w.skip(steps))

@@ -60,11 +60,9 @@ def numbers(element: ElementTree.Element, key: str, what: str, count: int) -> li
     """Return the numbers of an attribute. Raises `InputError` unless there are ``count`` and nothing else."""
     values = _require_finite(element, key, what)
     words = element.get(key, "").split()
-    if len(words) != count or not all(map(_NUMBER.fullmatch, words)):
-        raise InputError(
-            "urdf", f"{key} of a {element.tag} of {what} is {element.get(key, '')[:80]!r}; it must be "
-            + ("a number" if count == 1 else f"{count} numbers")
-        )  # fmt: skip
+    good, wanted = len(words) == count and all(map(_NUMBER.fullmatch, words)), f"{count} numbers"
+    what = f"{key} of a {element.tag} of {what}"
+    require(good, "urdf", what, element.get(key, "")[:80], "a number" if count == 1 else wanted)
     return values
 
 
