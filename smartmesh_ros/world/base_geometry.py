@@ -196,9 +196,7 @@ def _steering(client: Any, body: Body, frames: list[BodyState], name: str) -> St
 
 def _joint(client: Any, body: Body, name: str) -> tuple[int, float]:
     """Return PyBullet's index of a joint and its limit of velocity. Raises `InputError` if there is none."""
-    if name not in body.joints:
-        raise InputError("base", f"{body.name!r} has no joint {name!r}; it has {', '.join(body.joints) or 'none'}")
-    index = body.joints[name]
+    index = body.joint(name)
     return index, client.getJointInfo(body.uid, index)[11] or math.inf
 
 

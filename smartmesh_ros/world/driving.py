@@ -142,7 +142,7 @@ class Driving:
             if command.velocity is None or command.position is not None or command.effort is not None:
                 raise InputError("joint_command", f"{joint!r} of {name!r} is a track; it takes a velocity alone [m/s]")
         else:
-            self._joint(body, joint)
+            body.joint(joint)
 
     def drive_surface(self, name: str, link: str, speed: float, axis: Vector = (0.0, 1.0, 0.0)) -> None:
         """Move the surface of a robot's ``link``, or of another body (``link`` = ""), from now on, as that of a track;
@@ -237,13 +237,6 @@ class Driving:
         """Move surfaces as `_belts` returned them. Raises `InputError` if a link is not there."""
         for link, belt in belts.items():
             self.ground.drive(body.uid, link_of(body, link), belt.axis, belt.speed)
-
-    def _joint(self, body: Body, joint: str) -> int:
-        """Return PyBullet's index of a joint; raises `InputError` if there is none."""
-        if not isinstance(joint, str) or joint not in body.joints:
-            there = ", ".join((*body.joints, *body.surfaces)) or "none"
-            raise InputError("unknown_joint", f"{body.name!r} has no joint {joint!r}; it has {there}")
-        return body.joints[joint]
 
     def body(self, name: str) -> Body:
         """Return a body; raises `InputError` if there is none of that name."""

@@ -247,7 +247,7 @@ class SavedWorld(Population):
             new = self.bodies[body.name]
             new.initial = body.initial
             for joint, (position, velocity) in body.joints.items():
-                self.client.resetJointState(new.uid, self._joint(new, joint), position, velocity)
+                self.client.resetJointState(new.uid, new.joint(joint), position, velocity)
             for joint, command in body.commands.items():
                 self.command(body.name, joint, command)
             self._move_belts(new, body.belts)
