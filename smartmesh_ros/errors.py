@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from numbers import Integral, Real
-from typing import Any, TypeGuard
+from typing import Any, TypeGuard, TypeVar
+
+T = TypeVar("T")
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
@@ -23,8 +25,9 @@ def listed(words: Sequence[str], most: int = 5, between: str = ", ") -> str:
 
 
 def is_number(value: object) -> TypeGuard[float]:
-    """Return True if a value is a real number of Python or NumPy, and no truth value."""
-    return isinstance(value, Real) and not isinstance(value, bool)
+    """Return True if a value is a real number of Python or NumPy that fits a float, and no truth value."""
+    real = isinstance(value, Real) and not isinstance(value, bool)
+    return real and (value != value or not math.isnan(as_float(value)))
 
 
 def as_float(value: Any) -> float:
@@ -71,14 +74,37 @@ def require(good: bool, reason: str, what: str, value: object, wanted: str) -> N
         raise InputError(reason, f"{what} is {value!r}; it must be {wanted}")
 
 
+def require_choice(value: object, choices: Collection[str], reason: str, what: str) -> None:
+    """Raise `InputError` unless a value is one of some texts."""
+    require(isinstance(value, str) and value in choices, reason, what, value, f"one of {(*choices,)}")
+
+
+def require_flag(value: object, reason: str, what: str) -> None:
+    """Raise `InputError` unless a value is a truth value of Python or NumPy."""
+    good = type(value).__name__ in ("bool", "bool_")  # those of NumPy, which is not imported for this
+    require(good, reason, what, value, "True or False")
+
+
+def named(name: Any, known: Mapping[str, T], reason: str, what: str) -> T:
+    """Return what is known by a ``name``; raises `InputError` if there is none. ``what``: its kind."""
+    try:
+        return known[name]
+    except (KeyError, TypeError):
+        there = listed([*map(repr, known)]) or "none yet"
+        hint = suggestion(str(name), known)
+        raise InputError(reason, f"there is no {what} {name!r}{hint}; known: {there}") from None
+
+
 def require_not_negative(settings: Any, of_what: str) -> None:
     """Raise `InputError` unless all fields of a dataclass are numbers from zero on."""
     for name, value in vars(settings).items():
         require(as_float(value) >= 0.0, "parameter", f"{name} of {of_what}", value, "zero or more")
 
 
-def checked_seed(seed: Any, reason: str, what: str) -> int:
-    """Return the seed of random numbers; raises `InputError` if it is no whole number from 0 on."""
-    whole = isinstance(seed, Integral) and not isinstance(seed, bool)
-    require(whole and seed >= 0, reason, what, seed, "a whole number from 0 on")
-    return int(seed)
+def checked_count(count: Any, reason: str, what: str) -> int:
+    """Return a count, or a seed of random numbers; raises `InputError` if it is no whole number from 0 on."""
+    if type(count) is int and count >= 0:  # a tenth of the time, for each step of a world
+        return count
+    whole = isinstance(count, Integral) and not isinstance(count, bool)
+    require(whole and count >= 0, reason, what, count, "a whole number from 0 on")
+    return int(count)

@@ -45,10 +45,6 @@ class _Stage:
         self.times.append(seconds)
         self.runs += 1
 
-    def clear(self) -> None:
-        self.times.clear()
-        self.runs = 0
-
 
 class Stopwatch:
     """Collects running times by stage.
@@ -76,13 +72,13 @@ class Stopwatch:
                 stage.pending = 0.0
                 stage.ran = False
 
-    def read(self, *, clear: bool = True) -> list[StageTimes]:
-        """Return the times since the last clearing, one entry per stage in pipeline order."""
+    def read(self) -> list[StageTimes]:
+        """Return the times since the last call, one entry per stage in pipeline order."""
         result = []
         for name, stage in self._stages.items():
             times = np.array(stage.times) * 1e6
             median, high, most = np.percentile(times, (50, 99, 100)) if stage.runs else (0.0, 0.0, 0.0)
             result.append(StageTimes(name, stage.runs, float(median), float(high), float(most)))
-            if clear:
-                stage.clear()
+            stage.times.clear()
+            stage.runs = 0
         return result

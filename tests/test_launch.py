@@ -131,7 +131,7 @@ def test_an_argument_that_means_nothing_ends_the_launch(
 def test_without_rviz_nothing_is_started(launch: Launch, monkeypatch: pytest.MonkeyPatch) -> None:
     """ROS launch starts actions in their order and looks each executable up when its turn comes."""
     monkeypatch.setenv("AMENT_PREFIX_PATH", get_package_prefix("smartmesh_ros"))
-    with pytest.raises(FileNotFoundError, match="rviz2 is not installed: apt install ros-jazzy-rviz2"):
+    with pytest.raises(FileNotFoundError, match="rviz2 has no executable rviz2; apt install ros-jazzy-rviz2"):
         launch.of("Node", rviz="true")
     assert launch.of("Node", rviz="false")
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import logging
 import math
 from functools import partial
+from numbers import Integral
 from typing import Any
 
 import numpy as np
 
 from smartmesh_ros.core.body_shape import BodyShape
-from smartmesh_ros.errors import InputError, as_float, listed
+from smartmesh_ros.errors import InputError, as_float, listed, require
 from smartmesh_ros.ground.body_shapes import require_body, shapes_of
 from smartmesh_ros.ground.bullet import BulletCalls, NoClient, connected_client, undone
 from smartmesh_ros.ground.config import SleepConfig, time_step_of
@@ -113,9 +114,9 @@ class AttachedBodies:
                 added.append(follower.slot)
         return made[0]
 
-    def is_ground(self, body: int) -> bool:
+    def is_ground(self, body: object) -> bool:
         """Return True if a PyBullet body stands for the ground, such as the other body of a contact point."""
-        return bool(self.contacts.core.is_ground(body))
+        return isinstance(body, Integral) and bool(self.contacts.core.is_ground(body))
 
     def detach(self, body: int) -> None:
         """Take ``body`` and its links off the ground. A body that is removed from PyBullet is taken off by itself."""
@@ -208,8 +209,7 @@ class AttachedBodies:
         Maps are drawn with their holes and the colours of their friction; those of more than 256 samples a side at
         every 2nd, 3rd, ... sample. Raises `InputError` if the rate is no number above zero.
         """
-        if not 0.0 < as_float(rate) < math.inf:
-            raise InputError("rate", f"the ground is drawn at a rate of {rate} Hz; it must be finite and above zero")
+        require(0.0 < as_float(rate) < math.inf, "rate", "the rate of drawing", rate, "finite and above zero [Hz]")
         self.contacts.require_client()
         if self._shown is None:
             self._shown = ShownGround(self._client, self.contacts.core, self.terrain, rate)

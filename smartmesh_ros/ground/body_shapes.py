@@ -10,7 +10,7 @@ import pybullet as pb
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.core.body_shape import BodyShape
-from smartmesh_ros.errors import InputError, listed
+from smartmesh_ros.errors import InputError, listed, require
 from smartmesh_ros.ground.layout_probe import number_of
 from smartmesh_ros.ground.shapes import Solid, Sphere
 
@@ -71,10 +71,8 @@ def shapes_of(
     if link is not None:
         found = {link: found[link]}
     for each, made in found.items():
-        if not (math.isfinite(made.radius) and made.radius > 0.0):
-            raise InputError(
-                "geometry", f"the radius of body {body}, link {each} is {made.radius} m; it must be above zero"
-            )
+        what = f"the radius of body {body}, link {each}"
+        require(0.0 < made.radius < math.inf, "geometry", what, made.radius, "above zero [m]")
     return found
 
 

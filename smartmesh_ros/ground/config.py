@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from smartmesh_ros.errors import InputError, as_float, require_not_negative
+from smartmesh_ros.errors import InputError, as_float, require, require_flag, require_not_negative
 from smartmesh_ros.ground.state import Vector
 
 
@@ -33,20 +33,19 @@ class PhysicsConfig:
     solver_residual: float = 1e-9
 
     def __post_init__(self) -> None:
-        if not 0.0 < as_float(self.rate) < math.inf:
-            raise InputError("parameter", f"physics rate is {self.rate} Hz; it must be finite and greater than zero")
+        good = 0.0 < as_float(self.rate) < math.inf and self.dt < math.inf
+        require(good, "parameter", "physics rate", self.rate, "finite and greater than zero [Hz]")
+        require_flag(self.sleep, "parameter", "physics sleep")
         gravity = tuple(map(as_float, self.gravity)) if isinstance(self.gravity, Iterable) else ()
-        if len(gravity) != 3 or not all(map(math.isfinite, gravity)):
-            raise InputError("parameter", f"gravity is {self.gravity}; it must be three finite numbers [m/s^2]")
+        good = len(gravity) == 3 and all(map(math.isfinite, gravity))
+        require(good, "parameter", "gravity", self.gravity, "three finite numbers [m/s^2]")
         object.__setattr__(self, "gravity", gravity)  # to be compared and saved
-        if not 0.0 <= as_float(self.friction) < math.inf:
-            raise InputError("parameter", f"friction is {self.friction}; it must be zero or more")
-        if not 0.0 <= as_float(self.restitution) <= 1.0:
-            raise InputError("parameter", f"restitution is {self.restitution}; it must be 0 to 1")
-        if not 0.0 <= as_float(self.solver_residual) < math.inf:
-            raise InputError("parameter", f"solver_residual is {self.solver_residual} m^2/s^2; it must be zero or more")
-        if not 0.0 < as_float(self.contact_erp) <= 1.0:
-            raise InputError("parameter", f"contact_erp is {self.contact_erp}; it must be above 0 and at most 1")
+        for name in ("friction", "solver_residual"):
+            value = getattr(self, name)
+            require(0.0 <= as_float(value) < math.inf, "parameter", name, value, "zero or more")
+        require(0.0 <= as_float(self.restitution) <= 1.0, "parameter", "restitution", self.restitution, "0 to 1")
+        good = 0.0 < as_float(self.contact_erp) <= 1.0
+        require(good, "parameter", "contact_erp", self.contact_erp, "above 0 and at most 1")
 
     @property
     def dt(self) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from smartmesh_ros.core.body_shape import BodyShape
-from smartmesh_ros.errors import InputError, as_float
+from smartmesh_ros.errors import InputError, as_float, require
 from smartmesh_ros.ground.limits import FARTHEST_BODY, FASTEST
 from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.terrain.motion import next_revision
@@ -33,12 +33,10 @@ class Belt:
         object.__setattr__(self, "axis", axis)  # to be compared and saved
         object.__setattr__(self, "speed", as_float(self.speed))
         length = math.hypot(*self.axis) if len(self.axis) == 3 else math.nan
-        if not LEAST_AXIS <= length <= FARTHEST_BODY:
-            raise InputError("surface", f"the axis of a surface is {self.axis}; it must be three numbers, not all zero")
-        if not abs(self.speed) <= FASTEST:  # also True for NaN
-            raise InputError(
-                "non_finite", f"the speed of a surface is {self.speed} m/s; it must be finite, to {FASTEST:g}"
-            )
+        good = LEAST_AXIS <= length <= FARTHEST_BODY
+        require(good, "surface", "the axis of a surface", self.axis, "three numbers, not all zero")
+        good = abs(self.speed) <= FASTEST  # False for NaN
+        require(good, "non_finite", "the speed of a surface", self.speed, f"finite, to {FASTEST:g} m/s")
 
 
 @dataclass(eq=False)

@@ -42,6 +42,5 @@ class BodyState:
                 object.__setattr__(self, name, values)  # to be compared and saved
         length = math.hypot(*self.orientation)
         if abs(length - 1.0) > QUATERNION_SLACK:
-            raise InputError(
-                "quaternion", f"orientation {self.orientation} has length {length:.4g}; a rotation has length 1"
-            )
+            words = f"orientation {self.orientation} has length {length:.4g}; a rotation has length 1"
+            raise InputError("quaternion", words)

@@ -11,6 +11,8 @@ from smartmesh_ros.errors import InputError
 
 # Time between two log lines of the same cause [s].
 LOG_PERIOD = 5.0
+# Time without an answer, such as at a start, that is no reason for a warning [s].
+GRACE = 5.0
 
 # Longest text to log or answer [characters], because an error may quote a peer's whole message.
 LONGEST_TEXT = 1000

@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError, is_number, naming
+from smartmesh_ros.errors import InputError, is_number, naming, require
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.material import MOST_SOILS
+from smartmesh_ros.yaml_text import parsed_yaml
 
 KNOWN = Path(__file__).parent / "soils.yaml"
 # Column of the table of soils, in the order of `SoilType`.
@@ -55,8 +56,7 @@ class SoilType:
         for field in fields(self):
             value = getattr(self, field.name)
             low, high = _LIMITS[field.name]
-            if not is_number(value) or not low <= value <= high:
-                raise InputError("soil", f"{field.name} is {value!r}; it must be {low:g} to {high:g}")
+            require(is_number(value) and low <= value <= high, "soil", field.name, value, f"{low:g} to {high:g}")
             object.__setattr__(self, field.name, float(value))  # to be saved
         if self.elastic_K <= self.Bekker_Kphi:
             raise InputError(
@@ -69,7 +69,7 @@ class SoilType:
 @cache
 def known_soils() -> dict[str, SoilType]:
     """Return the soils of ``soils.yaml`` by name. Raises `InputError` if there is no PyYAML."""
-    soils = _parsed(KNOWN.read_text())
+    soils = parsed_yaml(KNOWN.read_text())
     return {name: SoilType(**{key: soil[key] for key in soil if key != "source"}) for name, soil in soils.items()}
 
 
@@ -82,18 +82,7 @@ def soil_named(name: str) -> SoilType:
             raise InputError("unknown_soil", f"there is no soil {name!r}; known: {', '.join(known)}")
         return known[name]
     with naming(f"soil {name!r}"):
-        return _soil(_parsed(name))
-
-
-def _parsed(text: str) -> Any:
-    try:
-        import yaml  # every ROS has it; the core alone needs it for soils by name only
-    except ImportError:
-        raise InputError("soil", "soils by name need PyYAML: pip install pyyaml, or give a SoilType") from None
-    try:
-        return yaml.safe_load(text)
-    except Exception as error:  # noqa: BLE001  # those of its tags and of too many brackets have no common base
-        raise InputError("soil", f"this is no YAML: {error}") from None
+        return _soil(parsed_yaml(name))
 
 
 def _soil(values: dict[Any, Any]) -> SoilType:

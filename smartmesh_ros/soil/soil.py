@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.errors import InputError, as_float, require
+from smartmesh_ros.errors import InputError, as_float, require, require_flag
 from smartmesh_ros.soil.config import SoilType, soil_table, soils_from
 from smartmesh_ros.terrain.grid import FloatArray, Region
 from smartmesh_ros.terrain.heightmap import HeightMap
@@ -55,8 +55,7 @@ class Soil:
         spacing: float = 0.01,
         slip_sinkage: bool = True,
     ) -> None:
-        if not 1e-3 <= as_float(spacing) <= 10.0:
-            raise InputError("soil", f"spacing is {spacing}; it must be 0.001 to 10 m")
+        require(1e-3 <= as_float(spacing) <= 10.0, "soil", "spacing", spacing, "0.001 to 10 m")
         self.soils = soils_from(soil)
         mesh = Terrain.of(terrain).tile(tile)
         if not isinstance(mesh, HeightMap):
@@ -93,7 +92,7 @@ class Soil:
         }  # fmt: skip
 
     @classmethod
-    def from_state(cls, terrain: MainMesh | Terrain, state: dict[str, Any], tile: str = "") -> Soil:
+    def from_state(cls, terrain: MainMesh | Terrain, state: dict[str, Any], tile: str) -> Soil:
         """Return the soil of such a state, on a map that was restored with it. Raises `InputError` if it is none."""
         soils = [SoilType(**soil) for soil in state["soils"]]
         made = cls(terrain, soils, tile=tile, spacing=state["spacing"], slip_sinkage=bool(state["slip_sinkage"]))
@@ -105,7 +104,7 @@ class Soil:
             made._changed = state["changed"]
         return made
 
-    def become(self, terrain: MainMesh | Terrain, state: dict[str, Any], tile: str = "") -> None:
+    def become(self, terrain: MainMesh | Terrain, state: dict[str, Any], tile: str) -> None:
         """Be the soil of such a state, as `from_state`."""
         vars(self).update(vars(Soil.from_state(terrain, state, tile)))
 
@@ -125,7 +124,7 @@ class Soil:
 
     @slip_sinkage.setter
     def slip_sinkage(self, on: bool) -> None:
-        require(isinstance(on, bool | np.bool_), "soil", "slip_sinkage", on, "True or False")
+        require_flag(on, "soil", "slip_sinkage")
         self.core.sinks_by_slip = bool(on)
 
     def show(self) -> int:

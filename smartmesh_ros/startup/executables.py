@@ -10,7 +10,7 @@ import select
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from importlib.util import find_spec
 from io import TextIOWrapper
@@ -21,6 +21,18 @@ LOGS_TO_STDOUT = "RCUTILS_LOGGING_USE_STDOUT"
 STDOUT, STDERR = 1, 2
 # Exit code of a command that a signal ends before it has done its work.
 INTERRUPTED = 130
+
+
+def executable(name: str, package: str = "smartmesh_ros", hint: str = "build and source the workspace") -> Path:
+    """Return the path of an installed executable, looked up in the ament index like ``ros2 run``. Raises
+    `FileNotFoundError` with the remedy ``hint``."""
+    from ament_index_python.packages import PackageNotFoundError, get_package_prefix  # commands start without it
+
+    with suppress(PackageNotFoundError):
+        path = Path(get_package_prefix(package)) / "lib" / package / name
+        if path.is_file():
+            return path
+    raise FileNotFoundError(f"package {package} has no executable {name}; {hint}")
 
 
 def prepare_streams() -> None:

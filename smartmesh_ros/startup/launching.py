@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ament_index_python.packages import PackageNotFoundError, get_package_prefix, get_package_share_directory
+from ament_index_python.packages import get_package_share_directory
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
@@ -20,6 +20,7 @@ from launch import LaunchDescription
 from smartmesh_ros.node.fleet import layout as fleet_layout
 from smartmesh_ros.scenes import SCENES
 from smartmesh_ros.startup.dds import POLICY_VARIABLE, VARIABLE
+from smartmesh_ros.startup.executables import executable as installed
 
 PACKAGE, NODE = "smartmesh_ros", "terrain_collider"
 # Parameter files in config/ that are not for terrain_collider.
@@ -126,12 +127,7 @@ def node(*, package: str = PACKAGE, executable: str, hint: str = "build and sour
 
     Raises `FileNotFoundError`, which ends the launch before any node starts. The message ends with the remedy ``hint``.
     """
-    try:
-        there = (Path(get_package_prefix(package)) / "lib" / package / executable).is_file()
-    except PackageNotFoundError:
-        raise FileNotFoundError(f"package {package} is not installed: {hint}") from None
-    if not there:
-        raise FileNotFoundError(f"package {package} has no executable {executable}: {hint}")
+    installed(executable, package, hint)
     return Node(package=package, executable=executable, **more)
 
 

@@ -12,12 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError, as_float, is_number
 
+# Latest time, and earliest below zero [s]: motions over longer times overflow.
+LATEST = 1e12
+
 
 def checked_time(time: float) -> float:
-    """Return a time [s]; raises `InputError` if it is no finite number."""
+    """Return a time [s]; raises `InputError` if it is no number up to `LATEST`."""
     seconds = as_float(time)
-    if not math.isfinite(seconds):
-        raise InputError("time", f"the time is {time!r}; it must be a finite number of seconds")
+    if not -LATEST <= seconds <= LATEST:
+        raise InputError("time", f"the time is {time!r}; it must be a finite number of seconds, up to {LATEST:g}")
     return seconds
 
 

@@ -145,7 +145,7 @@ class Deck(Tiles):
 
     def moving(self, time: float) -> bool:
         """Return True if the frame may move at ``time`` [s]."""
-        return bool(self.core.moves(time))
+        return bool(self.core.moves(checked_time(time)))
 
     @property
     def thickness(self) -> float:
@@ -170,16 +170,14 @@ def _floats(values: ArrayLike, what: str) -> FloatArray:
 
 def _vector(values: ArrayLike, what: str) -> FloatArray:
     found = _floats(values, what)
-    if found.shape != (3,) or not np.isfinite(found).all() or np.abs(found).max() > MAX_COORDINATE:
-        raise InputError("deck", f"{what} of a deck is {values!r}; it must be three finite numbers")
+    good = found.shape == (3,) and np.abs(found).max() <= MAX_COORDINATE  # False for NaN
+    require(bool(good), "deck", f"{what} of a deck", values, "three finite numbers")
     return found
 
 
 def pose_of(position: ArrayLike, orientation: ArrayLike) -> FloatArray:
     """Return a pose (7,) of a deck; raises `InputError` if it is none."""
     quaternion = _floats(orientation, "the orientation")
-    if quaternion.shape != (4,) or not abs(float(np.linalg.norm(quaternion)) - 1.0) <= QUATERNION_SLACK:
-        raise InputError(
-            "quaternion", f"the orientation of a deck is {orientation!r}; it must be a unit quaternion (x, y, z, w)"
-        )
+    good = quaternion.shape == (4,) and abs(float(np.linalg.norm(quaternion)) - 1.0) <= QUATERNION_SLACK
+    require(good, "quaternion", "the orientation of a deck", orientation, "a unit quaternion (x, y, z, w)")
     return np.concatenate([_vector(position, "the position"), quaternion])

@@ -50,14 +50,10 @@ class GridGeometry:
                 "the first two must be whole numbers, the last three numbers [m]"
             ) from None  # fmt: skip
         if self.rows < 3 or self.columns < 3:
-            raise InputError(
-                "geometry",
-                f"a map of {self.rows} x {self.columns} samples has no vertex inside its rim; it needs at least 3 x 3",
-            )
+            words = "samples has no vertex inside its rim; it needs at least 3 x 3"
+            raise InputError("geometry", f"a map of {self.rows} x {self.columns} {words}")
         if self.rows * self.columns > MOST_SAMPLES:
-            raise InputError(
-                "size", f"{self.rows} x {self.columns} samples are too many; at most {MOST_SAMPLES} are possible"
-            )
+            raise InputError("size", f"{self.rows} x {self.columns} samples are too many; at most {MOST_SAMPLES}")
         if not 0.0 < as_float(self.resolution) < math.inf:
             raise InputError("geometry", f"resolution is {self.resolution} m; it must be finite and greater than zero")
         if len(self.origin) != 3 or not all(math.isfinite(value) for value in self.origin):

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.errors import InputError, checked_seed, is_number, require
+from smartmesh_ros.errors import InputError, checked_count, is_number, require, require_choice
 from smartmesh_ros.terrain.checked_heights import checked_time, unmasked
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
@@ -73,7 +73,7 @@ class HeightScan:
         for name in ("spacing", "noise", "scale", "fill", "delay"):
             object.__setattr__(self, name, _number(name, getattr(self, name)))
         for name, kind in (("order", Order), ("values", Values), ("distribution", Distribution)):
-            _require(getattr(self, name) in get_args(kind), name, getattr(self, name), f"one of {get_args(kind)}")
+            require_choice(getattr(self, name), get_args(kind), "height_scan", f"{name} of a height scan")
         _require(all(0.0 <= size <= LARGEST for size in self.size), "size", self.size, f"two of 0 to {LARGEST:g} m")
         _require(0.0 < self.spacing <= LARGEST, "spacing", self.spacing, f"above 0 and at most {LARGEST:g} m")
         _require(all(abs(x) <= LARGEST for x in self.offset), "offset", self.offset, f"within {LARGEST:g} m")
@@ -81,17 +81,14 @@ class HeightScan:
         _require(self.clip[0] < self.clip[1], "clip", self.clip, "a lower and a higher bound")
         _require(math.isfinite(self.scale), "scale", self.scale, "finite")
         _require(0.0 <= self.delay <= LONGEST_DELAY, "delay", self.delay, f"0 to {LONGEST_DELAY:g} s")
-        object.__setattr__(self, "seed", checked_seed(self.seed, "height_scan", "seed of a height scan"))
+        object.__setattr__(self, "seed", checked_count(self.seed, "height_scan", "seed of a height scan"))
         most = (self.size[0] / self.spacing + 1.0) * (self.size[1] / self.spacing + 1.0)
         _require(most <= MOST_POINTS, "spacing", self.spacing, f"so large that there are at most {MOST_POINTS} points")
 
     @classmethod
     def of(cls, layout: str, **changes: Any) -> HeightScan:
         """Return the scan of one of the `LAYOUTS`, with some settings changed. Raises `InputError`."""
-        if layout not in LAYOUTS:
-            raise InputError(
-                "height_scan", f"there is no layout {layout!r} of height scans; choose one of {[*LAYOUTS]}"
-            )
+        require_choice(layout, LAYOUTS, "height_scan", "the layout of a height scan")
         return replace(LAYOUTS[layout], **changes)
 
     @cached_property

@@ -83,7 +83,7 @@ class HeightMap(MovingHeights):
         """Return True if any sample may move at ``time`` [s]."""
         if self.motion.corrects:
             return bool(self.core_reader.shown < self.core_reader.settled)
-        return bool(self.core_reader.moves(time))
+        return bool(self.core_reader.moves(checked_time(time)))
 
     def slide(self, velocity_w: tuple[float, float], interval: float, spin: float = 0.0) -> None:
         """Set the rigid motion of the map: horizontal velocity of its sample (0, 0) [m/s] and ``spin`` about z [rad/s].

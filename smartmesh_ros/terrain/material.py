@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from smartmesh_ros.errors import InputError, is_number
+from smartmesh_ros.errors import InputError, is_number, require
 from smartmesh_ros.terrain.checked_heights import as_floats, unmasked
 
 # Most soils of a map.
@@ -53,7 +53,7 @@ class Material:
     ground, as pressure over the rate of depth; usually 0. ``restitution``: by which that of a body is multiplied, up to
     1, which is usual. ``rolling``: coefficient of rolling resistance, force over load of a wheel; usually 0. ``soil``:
     which soil each sample is, by its place in the list of a `Soil` (rows, columns); usually 0. NaN and masked samples
-    stand for the usual number.
+    stand for the usual number; those of ``soil`` are whole numbers, and none is masked.
     """
 
     friction: float | ArrayLike | None = None
@@ -142,8 +142,7 @@ def checked_layer(name: str, layer: Any, shape: tuple[int, ...]) -> Layer:
     allowed = RANGES[name]
     if is_number(layer):
         number = float(layer)
-        if not _fits(number, allowed) and not number == allowed.usual:
-            raise InputError(name, f"{name} is {number}; it must be {allowed.rule}")
+        require(_fits(number, allowed) or number == allowed.usual, name, name, number, allowed.rule)
         return number
     samples = np.array(as_floats(layer, shape, f"numbers of {name}"), order="C")
     low, high = np.fmin.reduce(samples, axis=None), np.fmax.reduce(samples, axis=None)

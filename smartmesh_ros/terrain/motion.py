@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.errors import InputError, as_float
+from smartmesh_ros.errors import InputError, as_float, require, require_choice
 from smartmesh_ros.terrain.checked_heights import checked_time
 from smartmesh_ros.terrain.state_file import filled
 
@@ -103,22 +103,17 @@ class MotionConfig:
     def __post_init__(self) -> None:
         for name in ("smoothing", "max_interval", "max_velocity", "settle", "noise", "min_interval"):
             object.__setattr__(self, name, as_float(getattr(self, name)))  # what is no number becomes NaN
-        if self.mode not in get_args(MotionMode):
-            raise InputError(
-                "parameter", f"terrain motion {self.mode!r} is unknown; choose {', '.join(get_args(MotionMode))}"
-            )
-        if not 0.0 <= self.smoothing <= MOST_SMOOTHING:
-            raise InputError("parameter", f"terrain smoothing [map intervals] must be from 0 to {MOST_SMOOTHING}")
-        if not self.max_interval > 0.0 or not self.max_velocity > 0.0:
-            raise InputError("parameter", "terrain max_interval [s] and max_velocity [m/s] must be greater than zero")
-        if self.changes not in get_args(Changes):
-            raise InputError(
-                "parameter", f"terrain changes {self.changes!r} is unknown; choose {', '.join(get_args(Changes))}"
-            )
-        if not 0.0 <= self.min_interval < self.max_interval:
-            raise InputError("parameter", "terrain min_interval [s] must be at least zero and less than max_interval")
-        if not (0.0 < self.settle < math.inf and 0.0 <= self.noise < math.inf):
-            raise InputError("parameter", "terrain settle [s] must be above zero, and noise [m] at least zero")
+        require_choice(self.mode, get_args(MotionMode), "parameter", "terrain motion")
+        for name, good, wanted in (
+            ("smoothing", 0.0 <= self.smoothing <= MOST_SMOOTHING, f"0 to {MOST_SMOOTHING} [map intervals]"),
+            ("max_interval", self.max_interval > 0.0, "greater than zero [s]"),
+            ("max_velocity", self.max_velocity > 0.0, "greater than zero [m/s]"),
+            ("min_interval", 0.0 <= self.min_interval < self.max_interval, "zero or more, below max_interval [s]"),
+            ("settle", 0.0 < self.settle < math.inf, "above zero [s]"),
+            ("noise", 0.0 <= self.noise < math.inf, "zero or more [m]"),
+        ):
+            require(good, "parameter", f"terrain {name}", getattr(self, name), wanted)
+        require_choice(self.changes, get_args(Changes), "parameter", "terrain changes")
 
     @property
     def corrects(self) -> bool:
@@ -224,7 +219,7 @@ class MovingGround(ABC):
 
     @delay.setter
     def delay(self, delay: float) -> None:
-        self._clocks["delay"] = delay
+        self._clocks["delay"] = checked_time(delay)
 
     def shift_time(self, by: float) -> None:
         """Add ``by`` [s] to all update times, after their clock was reset or lost time. Raises `InputError`."""

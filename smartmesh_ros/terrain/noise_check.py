@@ -94,8 +94,8 @@ class Change(NamedTuple):
 class NoiseCheck:
     """Checks the whole maps of one tile, in order of their time. ``findings``: the result so far."""
 
-    def __init__(self, config: NoiseCheckConfig | None = None) -> None:
-        self.config = config or NoiseCheckConfig()
+    def __init__(self) -> None:
+        self.config = NoiseCheckConfig()
         self.findings = NO_FINDINGS
         self._time = self._last_found = -math.inf  # times of the last map and of the last detection [s]
         self._geometry: GridGeometry | None = None

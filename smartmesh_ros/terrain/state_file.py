@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, require
 
 # Version of the contents. A file of another one is refused.
 VERSION = 7
@@ -101,6 +101,7 @@ def read(state: bytes | str | os.PathLike[str]) -> bytes:
 
 def write(data: bytes, file: str | os.PathLike[str]) -> None:
     """Write a state to a file, as a whole or not at all; raises `InputError` if it cannot be written."""
+    require(isinstance(file, str | os.PathLike), "state", "the file of a state", file, "a path")
     path, part = Path(file), Path(f"{os.fspath(file)}.part")
     if path.exists() and not path.is_file():  # a device or a pipe, too, would be replaced
         raise InputError("state", f"the state cannot be saved: {file} is no file; name a file")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.errors import InputError, as_float
+from smartmesh_ros.errors import InputError, as_float, require
 from smartmesh_ros.terrain.checked_heights import as_points, checked_time, unmasked
 from smartmesh_ros.terrain.grid import MAX_COORDINATE, FloatArray
 from smartmesh_ros.terrain.terrain import Terrain
@@ -84,15 +84,11 @@ def checked_rays(origins: ArrayLike, directions: ArrayLike, reach: float) -> Ray
         raise InputError("type", "origins or directions are no real numbers; every coordinate must be one")
     starts, ways = (np.array(array, np.float64, order="C") for array in given)
     if not (np.isfinite(starts).all() and np.isfinite(ways).all()):
-        raise InputError(
-            "non_finite", "origins or directions contain numbers that are not finite; every number must be"
-        )
+        raise InputError("non_finite", "origins or directions are not finite; every number must be")
     if np.abs(starts).max(initial=0.0) > MAX_COORDINATE:
         raise InputError("geometry", f"origins are up to {np.abs(starts).max():g} m away; at most {MAX_COORDINATE:g}")
-    if not 0.0 < as_float(reach) <= MAX_COORDINATE:
-        raise InputError(
-            "range", f"the range of the rays is {reach} m; it must be above zero, at most {MAX_COORDINATE:g}"
-        )
+    good = 0.0 < as_float(reach) <= MAX_COORDINATE
+    require(good, "range", "the range of the rays", reach, f"above zero, at most {MAX_COORDINATE:g} m")
     sizes = np.abs(ways).max(axis=1, initial=0.0)
     if not (sizes > 0.0).all():
         raise InputError("direction", f"direction {int(sizes.argmin())} has no length; every direction needs one")

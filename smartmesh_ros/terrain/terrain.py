@@ -9,7 +9,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, named
 from smartmesh_ros.terrain.deck import Deck
 from smartmesh_ros.terrain.grid import GridGeometry
 from smartmesh_ros.terrain.grid_track import GridTrack, RigidMotion
@@ -75,6 +75,7 @@ class Terrain(Tiles):
 
     def remove(self, name: str) -> None:
         """Remove a tile or a deck; raises `InputError` if none has that name."""
+        require_tile_name(name)
         if name not in self.decks:
             super().remove(name)
             return
@@ -88,10 +89,7 @@ class Terrain(Tiles):
 
     def deck(self, name: str) -> Deck:
         """Return a deck; raises `InputError` if none has that name."""
-        if name not in self.decks:
-            known = ", ".join(repr(deck) for deck in self.decks) or "none yet"
-            raise InputError("unknown_deck", f"there is no deck {name!r}; known: {known}")
-        return self.decks[name]
+        return named(name, self._decks, "unknown_deck", "deck")
 
     def shift_time(self, by: float) -> None:
         """Add ``by`` [s] to the times of all maps and decks, after their clock was reset or lost time."""

@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any, Self
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.errors import InputError, require
+from smartmesh_ros.errors import InputError, named, require
 from smartmesh_ros.terrain.grid_track import cells_moved
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.terrain.motion import next_revision
@@ -89,11 +89,7 @@ class Tiles:
 
     def tile(self, name: str) -> MainMesh:
         """Return a tile; raises `InputError` if no tile has that name."""
-        try:
-            return self.tiles[name]
-        except KeyError:
-            known = ", ".join(repr(tile) for tile in self.tiles) or "none yet"
-            raise InputError("unknown_tile", f"there is no tile {name!r}; known: {known}") from None
+        return named(name, self._tiles, "unknown_tile", "tile")
 
     def shift_time(self, by: float) -> None:
         """Add ``by`` [s] to the times of all maps, after their clock was reset or lost time."""

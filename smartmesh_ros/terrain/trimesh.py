@@ -116,7 +116,7 @@ class TriangleMesh(MovingGround):
 
     def moving(self, time: float) -> bool:
         """Return True if any vertex may move at ``time`` [s]."""
-        return bool(self.core_reader.moves(time))
+        return bool(self.core_reader.moves(checked_time(time)))
 
     def sample(self, indices: IntArray, time: float, ahead: float = INSTANT) -> MeshSamples:
         """Return vertices (n,) at ``time`` [s]; velocities are means over the time ``ahead`` [s]."""
@@ -138,9 +138,7 @@ def grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:
 def _checked_triangles(triangles: ArrayLike, count: int) -> IntArray:
     corners = unmasked(triangles, "triangles")
     if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) == 0:
-        raise InputError(
-            "length", f"triangles have shape {corners.shape}; it must be (T, 3) with at least one triangle"
-        )
+        raise InputError("length", f"triangles have shape {corners.shape}; it must be (T, 3), with at least one")
     if corners.dtype.kind not in "iu":
         raise InputError("type", f"triangles are of type {corners.dtype}; they must be whole numbers")
     corners = np.array(corners, np.int64, order="C")

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError, as_float, require
+from smartmesh_ros.errors import InputError, as_float, require, require_body_name
 from smartmesh_ros.ground.quaternions import Z, about
 from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.world.base_config import BaseConfig
@@ -75,15 +75,20 @@ class BaseMemory:
 
 class Base:
     """Drives the robot ``name`` of a world in each step, from its creation until `close`. The robot may come and go.
-    Its wheels or tracks are held until it is told to drive. What does not fit the robot is said once.
+    Its wheels or tracks are held until it is told to drive. What does not fit the robot is said once. A second base of
+    a name is refused, because the two would command the same wheels.
 
     Without slip on level ground the robot drives as told. A robot that has wheels behind one another and no steering
     slips aside in turns; see `BaseConfig.track`. ``memory``: the command and the odometry, for `recall`.
     """
 
     def __init__(self, world: World, name: str, config: BaseConfig) -> None:
+        require(isinstance(world, World), "base", "the world of a base", world, "a World")
         require(isinstance(config, BaseConfig), "base", "the config of a base", config, "BaseConfig(...)")
+        require_body_name(name)
         self.name, self.config = name, config
+        if any(isinstance(other, Base) and other.name == name for other in world.watchers):
+            raise InputError("base", f"a base drives {name!r} already, also one that comes anew; close() that base")
         self._world = world
         self._body: Body | None = None  # that `_geometry` is of
         self._geometry: BaseGeometry | None = None

@@ -48,9 +48,7 @@ class BaseConfig:
             else:
                 require(0.0 <= value <= LARGEST, "base", what, value, f"0 to {LARGEST:g} m; 0 = that of the robot")
         if bool(self.wheels) == bool(self.tracks) or (self.tracks and self.steering):
-            raise InputError(
-                "base", "a base has wheels, with or without steering, or tracks: name the joints of either"
-            )
+            raise InputError("base", "a base has wheels, with or without steering, or tracks: name either's joints")
         if self.steering and (self.track or self.angular_acceleration < math.inf):
             raise InputError("base", "a base that is steered has no track and no angular_acceleration; leave them out")
         if self.wheelbase and not self.steering:

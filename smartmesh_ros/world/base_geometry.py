@@ -139,9 +139,7 @@ def _turning(x: FloatArray, y: FloatArray, track: float, name: str) -> FloatArra
     base turns as if it were wider by the factor 1 + mean(x^2) / mean(y^2), x from the middle of the wheels.
     """
     if not (y.min() < 0.0 < y.max()):
-        raise InputError(
-            "base", f"the wheels or tracks of {name!r} are all on one side of its middle; name those of both"
-        )
+        raise InputError("base", f"wheels or tracks of {name!r} are all on one side of its middle; name those of both")
     if track:
         return np.sign(y) * 0.5 * track
     return y * (1.0 + float(np.var(x) / np.mean(y * y)))
@@ -160,8 +158,7 @@ class _Wheel(NamedTuple):
 def _wheel(client: Any, body: Body, frames: list[BodyState], name: str, config: BaseConfig) -> _Wheel:
     index, limit = _joint(client, body, name)
     place, along = frames[index + 1].position, _axis(client, body, frames, index)
-    if abs(along[1]) < STRAIGHT:
-        raise InputError("base", f"the axis of wheel {name!r} of {body.name!r} is not along y of the root link")
+    _require_along("y", along, f"wheel {name!r} of {body.name!r}")
     radius = config.radius
     if index in body.shapes:
         points = _outermost(client, body, index, frames[index + 1], along)
@@ -181,8 +178,7 @@ def _track(client: Any, body: Body, frames: list[BodyState], name: str) -> _Whee
     assert index is not None  # as the description was checked
     frame = frames[index + 1]
     along = rotate(frame.orientation, drive.axis)
-    if abs(along[1]) < STRAIGHT * math.hypot(*along):
-        raise InputError("base", f"the axis of track {name!r} of {body.name!r} is not along y of the root link")
+    _require_along("y", along, f"track {name!r} of {body.name!r}")
     place = _middle(_outermost(client, body, index, frame, along))
     return _Wheel(index, place[0], place[1], math.copysign(1.0, along[1]), drive.limit)
 
@@ -190,10 +186,7 @@ def _track(client: Any, body: Body, frames: list[BodyState], name: str) -> _Whee
 def _steering(client: Any, body: Body, frames: list[BodyState], name: str) -> Steering:
     index, _ = _joint(client, body, name)
     along, (x, y, _) = _axis(client, body, frames, index), frames[index + 1].position
-    if abs(along[2]) < STRAIGHT:
-        raise InputError(
-            "base", f"the axis of steering joint {name!r} of {body.name!r} is not along z of the root link"
-        )
+    _require_along("z", along, f"steering joint {name!r} of {body.name!r}")
     low, high = client.getJointInfo(body.uid, index)[8:10]
     right, left = (STEEPEST, STEEPEST) if low >= high else (max(-low, 0.0), max(high, 0.0))  # equal or crossed = none
     if along[2] < 0.0:
@@ -203,9 +196,7 @@ def _steering(client: Any, body: Body, frames: list[BodyState], name: str) -> St
 
 def _joint(client: Any, body: Body, name: str) -> tuple[int, float]:
     """Return PyBullet's index of a joint and its limit of velocity. Raises `InputError` if there is none."""
-    if name not in body.joints:
-        raise InputError("base", f"{body.name!r} has no joint {name!r}; it has {', '.join(body.joints) or 'none'}")
-    index = body.joints[name]
+    index = body.joint(name)
     return index, client.getJointInfo(body.uid, index)[11] or math.inf
 
 
@@ -213,6 +204,11 @@ def _axis(client: Any, body: Body, frames: list[BodyState], index: int) -> Vecto
     """Return the axis of a joint in the frame of the root link."""
     inertial = client.getDynamicsInfo(body.uid, index)[4]
     return rotate(product(frames[index + 1].orientation, inertial), client.getJointInfo(body.uid, index)[13])
+
+
+def _require_along(way: str, axis: Vector, what: str) -> None:
+    if not abs(axis["xyz".index(way)]) > STRAIGHT * math.hypot(*axis):  # a fixed joint has none
+        raise InputError("base", f"the axis of {what} is not along {way} of the root link")
 
 
 def _steered_by(client: Any, body: Body, link: int, steering: Sequence[str]) -> int:

@@ -97,6 +97,13 @@ class Body:
         """True if the body is a URDF robot."""
         return bool(self.links)
 
+    def joint(self, name: str) -> int:
+        """Return PyBullet's index of a joint; raises `InputError` if there is none."""
+        if not isinstance(name, str) or name not in self.joints:
+            there = ", ".join((*self.joints, *self.surfaces)) or "none"
+            raise InputError("unknown_joint", f"{self.name!r} has no joint {name!r}; it has {there}")
+        return self.joints[name]
+
 
 class BodyFactory:
     """Creates bodies in one PyBullet world. Shapes of equal size are created once, because PyBullet leaks removed

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.errors import InputError
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.surface_query import RayCaster, Rays
 from smartmesh_ros.world.bodies import Body
@@ -52,13 +51,6 @@ def cast_rays(
     for start in range(0, len(near), MOST_RAYS):
         _cast_on_bodies(client, numbers, rays, near[start : start + MOST_RAYS], found)
     return found
-
-
-def require_bodies(names: Collection[str], bodies: Mapping[str, Body]) -> None:
-    """Raise `InputError` if there is no body of one of the names."""
-    for name in names:
-        if name not in bodies:
-            raise InputError("unknown_body", f"there is no body {name!r} for rays to pass through")
 
 
 def _cast_on_bodies(client: Any, numbers: dict[int, int], rays: Rays, near: IntArray, found: RayHits) -> None:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import pybullet as pb
 
-from smartmesh_ros.errors import InputError, as_float, require, suggestion
+from smartmesh_ros.errors import InputError, as_float, named, require
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.followers import Belt
 from smartmesh_ros.ground.ground import Ground
@@ -19,6 +19,7 @@ from smartmesh_ros.ground.state import Quaternion, Vector
 from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.terrain.deck import LEVEL, pose_of
 from smartmesh_ros.terrain.terrain import Terrain
+from smartmesh_ros.terrain.tiles import require_tile_name
 from smartmesh_ros.world.bodies import Body, BodyFactory
 from smartmesh_ros.world.joints import JointCommand, JointReading, command_joint, read_joints
 
@@ -137,11 +138,11 @@ class Driving:
         body = self.body(name)
         if not isinstance(command, JointCommand):
             raise InputError("joint_command", f"the command is {command!r}; pass JointCommand(velocity=..., ...)")
-        if joint in body.surfaces:
+        if isinstance(joint, str) and joint in body.surfaces:
             if command.velocity is None or command.position is not None or command.effort is not None:
                 raise InputError("joint_command", f"{joint!r} of {name!r} is a track; it takes a velocity alone [m/s]")
         else:
-            self._joint(body, joint)
+            body.joint(joint)
 
     def drive_surface(self, name: str, link: str, speed: float, axis: Vector = (0.0, 1.0, 0.0)) -> None:
         """Move the surface of a robot's ``link``, or of another body (``link`` = ""), from now on, as that of a track;
@@ -163,9 +164,10 @@ class Driving:
         """Let a body carry a deck, whenever both are there; None = nobody, and the deck stays where it is. The body may
         be simulated or tracked; see `Ground.carry`. Raises `InputError` and changes nothing if the body has no such
         link, or the pose is none."""
+        require_tile_name(deck)
         if carrier is not None:
-            if not isinstance(carrier, Carrier):
-                raise InputError("deck", f"the carrier is {carrier!r}; pass Carrier(body, ...), or None for nobody")
+            good = isinstance(carrier, Carrier) and isinstance(carrier.body, str) and isinstance(carrier.link, str)
+            require(good, "deck", "the carrier", carrier, "Carrier(body, ...) with names, or None for nobody")
             pose_of(carrier.position, carrier.orientation)
             if carrier.link and carrier.body in self.bodies:
                 link_of(self.bodies[carrier.body], carrier.link)
@@ -236,19 +238,9 @@ class Driving:
         for link, belt in belts.items():
             self.ground.drive(body.uid, link_of(body, link), belt.axis, belt.speed)
 
-    def _joint(self, body: Body, joint: str) -> int:
-        """Return PyBullet's index of a joint; raises `InputError` if there is none."""
-        if joint not in body.joints:
-            there = ", ".join((*body.joints, *body.surfaces)) or "none"
-            raise InputError("unknown_joint", f"{body.name!r} has no joint {joint!r}; it has {there}")
-        return body.joints[joint]
-
     def body(self, name: str) -> Body:
         """Return a body; raises `InputError` if there is none of that name."""
-        try:
-            return self.bodies[name]
-        except KeyError:
-            raise InputError("unknown_body", f"there is no body {name!r}{suggestion(str(name), self.bodies)}") from None
+        return named(name, self.bodies, "unknown_body", "body")
 
 
 def links_of(body: Body) -> dict[int, str]:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from smartmesh_ros.errors import InputError, checked_seed, is_number, require
+from smartmesh_ros.errors import InputError, checked_count, is_number, require, require_body_name
 from smartmesh_ros.ground.quaternions import conjugate, product, rotate, rotation_vector, slerp
 from smartmesh_ros.ground.state import BodyState, Quaternion, Vector
 from smartmesh_ros.ground.transform import Transform
@@ -48,7 +48,7 @@ class ImuConfig:
     def __post_init__(self) -> None:
         for name, value in ((one.name, getattr(self, one.name)) for one in fields(self)):
             if name == "seed":
-                object.__setattr__(self, name, checked_seed(value, "imu", "seed of an IMU"))
+                object.__setattr__(self, name, checked_count(value, "imu", "seed of an IMU"))
                 continue
             if name == "rate":
                 possible, wanted = _is_between(value, *RATES), f"{RATES[0]:g} to {RATES[1]:g} Hz"
@@ -97,8 +97,10 @@ class Imu:
     _before: BodyState | None  # before the step
 
     def __init__(self, world: World, name: str, link: str = "", config: ImuConfig | None = None) -> None:
+        require(isinstance(world, World), "imu", "the world of an IMU", world, "a World")
         config = ImuConfig() if config is None else config
         require(isinstance(config, ImuConfig), "imu", "the config of an IMU", config, "ImuConfig(...)")
+        require_body_name(name)
         self.name, self.link, self.config = name, link, config
         self._world = world
         self._body: Body | None = None  # that is measured

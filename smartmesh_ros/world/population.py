@@ -9,7 +9,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from smartmesh_ros.errors import InputError, as_float, require_body_name
+from smartmesh_ros.errors import InputError, as_float, require_body_name, require_flag
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.followers import Belt, Followers
 from smartmesh_ros.ground.limits import require_possible
@@ -17,7 +17,7 @@ from smartmesh_ros.ground.shapes import Shape, Solid, Sphere
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain.surface_query import GroundSamples, checked_rays
 from smartmesh_ros.world.bodies import Body
-from smartmesh_ros.world.body_rays import RayHits, cast_rays, require_bodies
+from smartmesh_ros.world.body_rays import RayHits, cast_rays
 from smartmesh_ros.world.driving import Driving, links_of
 from smartmesh_ros.world.link_frames import frame_state
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
@@ -82,7 +82,8 @@ class Population(Driving):
     ) -> RayHits:
         """Return what rays from ``origins_w`` (N, 3) [m] along ``directions_w`` (N, 3) meet now within ``reach`` [m]:
         ground or bodies, except those named in ``through``. Raises `InputError`."""
-        require_bodies(through, self.bodies)
+        for name in through:
+            self.body(name)
         rays = checked_rays(origins_w, directions_w, reach)
         return cast_rays(self.client, self.bodies, self.ground.rays, rays, self.time, through)
 
@@ -100,7 +101,7 @@ class Population(Driving):
         Between calls the body moves on with its velocity. Another shape replaces the body.
         """
         require_possible(name, state)
-        body = self.bodies.get(name)
+        body = self.bodies.get(name) if isinstance(name, str) else None
         solid = shape if isinstance(shape, Solid) else Sphere(shape)
         if body is None:
             self._require_free(name)
@@ -173,6 +174,8 @@ class Population(Driving):
         self, name: str, state: BodyState | None, on_ground: bool, clearance: float, align: bool
     ) -> BodyState:
         """Return the state for a new body before it is put onto the ground. Raises `InputError`."""
+        require_flag(on_ground, "parameter", "on_ground")
+        require_flag(align, "parameter", "align")
         if (as_float(clearance) != 0.0 or align) and not on_ground:
             raise InputError("parameter", "clearance and align go with on_ground=True alone")
         state = BodyState() if state is None else state

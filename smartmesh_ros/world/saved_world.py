@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import pybullet as pb
 
-from smartmesh_ros.errors import checked_seed
+from smartmesh_ros.errors import checked_count
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.shapes import Hull
 from smartmesh_ros.terrain import state_file
@@ -70,15 +70,15 @@ class SavedWorld(Population):
             ends={joint: end for (name, joint), end in self._ends.items() if name == body.name},
         )  # fmt: skip
 
-    def state_bytes(self, extra: dict[str, Any] | None = None) -> bytes:
-        """Return the whole state, as `save` does, and go on as before. ``extra``: what is saved with it."""
-        return self._whole(self.snapshot(), extra)
+    def state_bytes(self) -> bytes:
+        """Return the whole state, as `save` does, and go on as before."""
+        return self._whole(self.snapshot())
 
     def _saved(self, extra: dict[str, Any] | None = None) -> bytes:
         """Return the whole state as other worlds take it over."""
         return self._whole(self.snapshot().rounded(), extra)
 
-    def _whole(self, snapshot: Snapshot, extra: dict[str, Any] | None) -> bytes:
+    def _whole(self, snapshot: Snapshot, extra: dict[str, Any] | None = None) -> bytes:
         """Return the whole state, with a snapshot of its bodies."""
         state = WorldState(
             **self.ground.laid(),
@@ -153,7 +153,7 @@ class SavedWorld(Population):
         such a reset, too.
         """
         if seed is not None:
-            seed = checked_seed(seed, "seed", "the seed")
+            seed = checked_count(seed, "seed", "the seed")
         self.reset_time()
         if seed is not None:
             self._begin_episode(seed)
@@ -247,7 +247,7 @@ class SavedWorld(Population):
             new = self.bodies[body.name]
             new.initial = body.initial
             for joint, (position, velocity) in body.joints.items():
-                self.client.resetJointState(new.uid, self._joint(new, joint), position, velocity)
+                self.client.resetJointState(new.uid, new.joint(joint), position, velocity)
             for joint, command in body.commands.items():
                 self.command(body.name, joint, command)
             self._move_belts(new, body.belts)

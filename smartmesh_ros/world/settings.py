@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from smartmesh_ros.errors import InputError, as_float, require_not_negative
+from smartmesh_ros.errors import as_float, require, require_not_negative
 from smartmesh_ros.ground.config import PhysicsConfig, SleepConfig
 from smartmesh_ros.ground.limits import FARTHEST_BODY
 
@@ -22,8 +22,8 @@ class FallConfig:
     most: int = 5
 
     def __post_init__(self) -> None:
-        if not 0.0 < as_float(self.depth) <= FARTHEST_BODY:
-            raise InputError("parameter", f"lost depth is {self.depth} m; it must be above 0, to {FARTHEST_BODY:g}")
+        good = 0.0 < as_float(self.depth) <= FARTHEST_BODY
+        require(good, "parameter", "lost depth", self.depth, f"above 0, to {FARTHEST_BODY:g} m")
         require_not_negative(self, "falls")
 
 
@@ -58,10 +58,8 @@ class GuestConfig:
     slip: float = 0.7
 
     def __post_init__(self) -> None:
-        if not 0.0 < as_float(self.margin) < math.inf:
-            raise InputError(
-                "parameter", f"the margin of guests is {self.margin} m; it must be finite and greater than zero"
-            )
+        good = 0.0 < as_float(self.margin) < math.inf
+        require(good, "parameter", "the margin of guests", self.margin, "finite and greater than zero [m]")
         require_not_negative(self, "guests")
 
 
@@ -79,5 +77,4 @@ class WorldConfig:
         for each in fields(self):
             value: Any = getattr(self, each.name)
             kind: Any = each.default_factory
-            if not isinstance(value, kind):
-                raise InputError("parameter", f"{each.name} of a world is {value!r}; pass {kind.__name__}(...)")
+            require(isinstance(value, kind), "parameter", f"{each.name} of a world", value, f"{kind.__name__}(...)")

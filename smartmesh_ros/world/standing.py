@@ -15,7 +15,7 @@ import numpy as np
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.core.body_shape import BodyShape
-from smartmesh_ros.errors import InputError, as_float
+from smartmesh_ros.errors import InputError, as_float, require
 from smartmesh_ros.ground.quaternions import product
 from smartmesh_ros.ground.state import BodyState, Quaternion
 from smartmesh_ros.ground.transform import Transform
@@ -81,8 +81,7 @@ def put_on_ground(
     ``align``: tilt the body with the ground under its feet. Raises `InputError` if some part of the body is over no
     ground.
     """
-    if not 0.0 <= as_float(clearance) < math.inf:
-        raise InputError("geometry", f"clearance is {clearance} m; it must be zero or more")
+    require(0.0 <= as_float(clearance) < math.inf, "geometry", "clearance", clearance, "zero or more [m]")
     x, y, _ = state.position
     turned = replace(state, position=(x, y, 0.0))
     for _ in range(TURNS if align else 0):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any, Self
 
@@ -11,7 +11,7 @@ import numpy as np
 import pybullet as pb
 from pybullet_utils.bullet_client import BulletClient
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, as_float, checked_count, require
 from smartmesh_ros.ground.bullet import BulletCalls, NoClient, undone
 from smartmesh_ros.ground.config import set_up
 from smartmesh_ros.ground.ground import Ground
@@ -51,7 +51,8 @@ class World(SavedWorld):
         config: WorldConfig | None = None,
         stopwatch: Stopwatch | None = None,
     ) -> None:
-        self.config = _checked(config or WorldConfig())
+        self.config = config or WorldConfig()
+        _require_settings(self.config)
         self._terrain = Terrain() if terrain is None else Terrain.of(terrain)
         self.stopwatch = stopwatch or Stopwatch()
         self.watchers: list[StepWatcher] = []
@@ -94,7 +95,7 @@ class World(SavedWorld):
 
     def configure(self, config: WorldConfig) -> None:
         """Replace the settings; new friction and restitution apply to later bodies only."""
-        _checked(config)
+        _require_settings(config)
         self.ground.wake()  # PyBullet changes the gravity of awake bodies only
         before = self.config
         with undone(lambda: set_up(self.client, before.physics)):
@@ -126,10 +127,8 @@ class World(SavedWorld):
         self._drop_lost()
 
     def step(self, count: int = 1) -> None:
-        """Run physics steps. Raises `InputError` for less than none."""
-        if count < 0:
-            raise InputError("steps", f"{count} steps; ask for 0 or more")
-        for _ in range(count):
+        """Run physics steps. Raises `InputError` if their number is none."""
+        for _ in range(checked_count(count, "steps", "the number of steps")):
             with self.stopwatch.stage("total"):
                 self._step()
             self.stopwatch.lap()
@@ -150,12 +149,13 @@ class World(SavedWorld):
         self.guests.note_contacts()
 
     def skip(self, steps: int) -> None:
-        """Advance the time by some steps without simulating them: the ground moves on, and bodies stay in place."""
-        if steps > 0:
-            self.time += steps * self.dt
+        """Advance the time by some steps without simulating them: the ground moves on, and bodies stay in place. Raises
+        `InputError` as `step` does."""
+        self.time += checked_count(steps, "steps", "the number of steps") * self.dt
 
     def periods(self, rate: float) -> int:
-        """Return the number of periods of a ``rate`` [Hz] since time zero that are over."""
+        """Return the number of periods of a ``rate`` [Hz] since time zero that are over. Raises `InputError`."""
+        require(math.isfinite(as_float(rate)), "parameter", "the rate", rate, "finite [Hz]")
         return math.floor((self.time + ROUNDING * self.dt) * rate)
 
     def patches(self) -> ShownPatches:
@@ -179,7 +179,10 @@ class World(SavedWorld):
         require_scan(scan)
         if scan.delay:
             raise InputError("height_scan", "World.height_scan scans now; for a delay use a HeightScanner")
-        bodies = [self.body(name) for name in ([names] if isinstance(names, str) else names)]
+        bodies = [
+            self.body(name)
+            for name in (names if isinstance(names, Iterable) and not isinstance(names, str) else [names])
+        ]
         poses_w = BulletCalls(self.client).poses([body.uid for body in bodies])
         for row, body in enumerate(bodies):
             if body.is_robot:
@@ -208,8 +211,5 @@ class World(SavedWorld):
         self.ground.let_sleep(self.config.sleep if self.config.physics.sleep else None)
 
 
-def _checked(config: WorldConfig) -> WorldConfig:
-    """Return the settings of a world; raises `InputError` if they are none."""
-    if not isinstance(config, WorldConfig):
-        raise InputError("parameter", f"the settings are {config!r}; pass WorldConfig(physics=..., ...)")
-    return config
+def _require_settings(config: object) -> None:
+    require(isinstance(config, WorldConfig), "parameter", "settings", config, "WorldConfig(physics=..., ...)")

@@ -48,8 +48,8 @@ def ball_in(client: int) -> int:
 
 def settings() -> Iterator[tuple[Callable[[int], Any], str]]:
     """Settings and states that are wrong, and words of the refusals."""
-    yield (lambda c: World(level(), PhysicsConfig())), "pass WorldConfig(physics="
-    yield (lambda c: WorldConfig(physics=None)), "physics of a world is None; pass PhysicsConfig(...)"
+    yield (lambda c: World(level(), PhysicsConfig())), "must be WorldConfig(physics="
+    yield (lambda c: WorldConfig(physics=None)), "physics of a world is None; it must be PhysicsConfig(...)"
     yield (lambda c: PhysicsConfig(gravity=9.81)), "gravity is 9.81; it must be three"
     for name, value in {"rate": "fast", "gravity": (0.0, np.nan, 0.0), "restitution": 1.5, "friction": -0.1}.items():
         yield (lambda c, name=name, value=value: PhysicsConfig(**{name: value})), name
@@ -59,10 +59,13 @@ def settings() -> Iterator[tuple[Callable[[int], Any], str]]:
     yield (lambda c: BodyState((0.0, 0.0, 1.0), (0.0, 0.0, 1.0))), "it must be 4 numbers"
     yield (lambda c: SleepConfig(after=-1.0)), "after of sleep is -1.0; it must be zero"
     yield (lambda c: FallConfig(period=np.nan)), "period of falls is nan"
-    yield (lambda c: FallConfig(depth="deep")), "depth is deep m"
+    yield (lambda c: FallConfig(depth="deep")), "depth is 'deep'"
     yield (lambda c: GuestConfig(settle=-0.1)), "settle of guests is -0.1"
     for margin in (0.0, "wide"):
-        yield (lambda c, margin=margin: GuestConfig(margin=margin)), f"margin of guests is {margin} m"
+        yield (
+            (lambda c, margin=margin: GuestConfig(margin=margin)),
+            f"margin of guests is {margin!r}; it must be finite",
+        )
     for name, wrong in (
         ("rate", 0.0), ("rate", np.nan), ("rate", "fast"), ("seed", -1), ("seed", 0.5), ("gyroscope_bias", (0.0, 1.0)),
         ("accelerometer_bias", (0.0, 0.0, np.inf)), ("gyroscope_noise_density", -1.0),

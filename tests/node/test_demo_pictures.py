@@ -73,8 +73,13 @@ def test_the_demo_fails_when_one_of_its_nodes_ends(monkeypatch: pytest.MonkeyPat
 
 def test_a_rover_that_is_there_is_not_spawned_again() -> None:
     """Also one of a run of the node that has ended; else the call is refused five times a second, for ever."""
+    calls: list[Any] = []
+    asked = SimpleNamespace(add_done_callback=calls.append)
     with made_with(Rover, {}) as node:
-        node._steer(TrackedBodyArray(bodies=[TrackedBody(id="other")]))
-        assert not node._starting.is_canceled()
-        node._steer(TrackedBodyArray(bodies=[TrackedBody(id="rover")]))
-        assert node._starting.is_canceled()
+        node._maps = SimpleNamespace(get_subscription_count=lambda: 1, publish=lambda _: None)
+        node._spawner = SimpleNamespace(service_is_ready=lambda: True, call_async=lambda _: asked)
+        for name, count in (("rover", 0), ("other", 1), ("rover", 1), ("other", 2)):
+            node._steer(TrackedBodyArray(bodies=[TrackedBody(id=name)]))
+            node._call_at = 0.0
+            node._start()
+            assert len(calls) == count, name

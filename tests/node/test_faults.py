@@ -13,11 +13,12 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from smartmesh_msgs.msg import Heightmap
-from smartmesh_msgs.srv import SpawnBody
+from smartmesh_msgs.srv import RemoveBody, SpawnBody
 
+from smartmesh_ros.node.fleet import front
 from smartmesh_ros.tools.demo import rover
 from smartmesh_ros.tools.testing import COLLIDER, Probe, assert_on_map
-from tests.node.shared import made_with
+from tests.node.shared import Logged, body_names, made_with
 
 SHARED = {"terrain.motion": "hold"}
 ROUGH = np.random.default_rng(1).normal(size=(40, 30)) * 0.1
@@ -98,3 +99,40 @@ def test_the_rover_asks_again_for_what_a_collider_took_and_was_killed_with(
         probe.node.create_service(SpawnBody, f"{COLLIDER}/spawn_body", serve)
         probe.wait_for(lambda: executor.spin_once(0.0) or served)
         assert served[0] == rover.ROBOT
+
+
+def test_the_rover_spawns_its_robot_again(probe: Probe, monkeypatch: pytest.MonkeyPatch, logged: Logged) -> None:
+    """After it was removed, and in a collider that was started again."""
+    monkeypatch.setattr(rover, "PATIENCE", 0.1)
+    with made_with(rover.Rover, {}) as node, contextlib.ExitStack() as ends:
+        executor = SingleThreadedExecutor(context=node.context)
+        ends.callback(executor.shutdown)
+        executor.add_node(node)
+
+        def drives() -> bool:
+            executor.spin_once(0.0)
+            return rover.ROBOT in body_names(probe) and node._there
+
+        with probe.running():
+            probe.wait_for(drives)
+            assert probe.call("remove_body", RemoveBody, id=rover.ROBOT).success
+            probe.wait_for(lambda: not drives() and not node._there)
+            probe.wait_for(drives)
+        with probe.running():
+            probe.wait_for(lambda: not drives() and not node._there)
+            probe.wait_for(drives)
+    assert logged().count("rover is gone; it is spawned again") == 2
+
+
+def test_nodes_say_that_those_that_they_need_are_not_there(monkeypatch: pytest.MonkeyPatch, logged: Logged) -> None:
+    for kind, act, words in (
+        (rover.Rover, rover.Rover._start, "nobody subscribes to /terrain_collider/heightmap; start terrain_collider"),
+        (front.Front, front.Front._report, "none of /fleet/node_0/terrain_collider, /fleet/node_1/terrain_collider is"),
+    ):
+        with made_with(kind, {}) as node:
+            act(node)
+            assert words not in logged()
+            monkeypatch.setattr(f"{kind.__module__}.GRACE", -1.0)
+            act(node)
+            act(node)
+            assert logged().count(words) == 1

@@ -180,7 +180,7 @@ MAPS = f"qos_overrides.{COLLIDER}/heightmap.subscription"
         ({"qos_overrides.depth": 5}, "qos_overrides.<topic>"),
         # Lists of YAML mappings: what all have in common.
         ({"height_scans": ["robot"]}, "must be a mapping with body"),
-        ({"height_scans": ["{body: robot"]}, "is no YAML"),
+        *(({"height_scans": [text]}, "is no YAML") for text in ("{body: robot", "{body: !!bool x}", "!!timestamp now")),
         ({"height_scans": ["{body: yes}"]}, "cannot name a body"),
         ({"height_scans": ["{body: robot/base}"]}, "without '/'"),
         ({"height_scans": ["{body: robot, rate: 0}"]}, "rate is 0; it must be of type float, 0.01 to 1000"),
@@ -188,7 +188,7 @@ MAPS = f"qos_overrides.{COLLIDER}/heightmap.subscription"
         ({"imus": ["{body: a, link: b c}", "{body: a, link: b_c}"]}, "two entries for ~/imu/a/b_c"),
         ({"decks": ["{deck: ferry, frame: a}"] * 2}, "two entries"),
         # And what is their own.
-        ({"height_scans": ["{body: robot, layout: isaac_gym}"]}, "choose one of ['isaac_lab'"),
+        ({"height_scans": ["{body: robot, layout: isaac_gym}"]}, "one of ('isaac_lab'"),
         ({"imus": ["{body: robot, link: [a]}"]}, "link is ['a']; it must be of type str"),
         ({"bases": ["{body: robot}"]}, "a base has wheels, with or without steering, or tracks"),
         ({"bases": ["{body: robot, wheels: [a, b], publish_tf: 1}"]}, "publish_tf is 1; it must be of type bool"),

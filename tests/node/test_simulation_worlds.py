@@ -155,7 +155,7 @@ def test_a_world_that_is_refused_changes_nothing(run: Replay, worlds: Path) -> N
         (L.MISSING_ASSETS, {"uri": f"{worlds}/no_file.yaml"}),
         (L.UNSUPPORTED_ASSETS, {"uri": f"{worlds}/no_mesh.yaml"}),
         (L.UNSUPPORTED_ELEMENTS, {"uri": f"{worlds}/scene.yaml", "fail_on_unsupported_element": True}),
-        *((L.RESOURCE_PARSE_ERROR, {"resource_string": text}) for text in ("{", "<sdf/>", "[" * 5000)),
+        *((L.RESOURCE_PARSE_ERROR, {"resource_string": text}) for text in ("{", "<sdf/>", "[" * 5000, "!!bool x")),
     ):
         result = ask(run, "load_world", **fields).result
         assert (result.result, bool(result.error_message)) == (code, True), (fields, result.error_message)

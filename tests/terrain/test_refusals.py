@@ -66,10 +66,13 @@ REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
         ({"distribution": "pink"}, "one of ('uniform', 'normal')"), ({"offset": (0.0, INF, 0.0)}, "offset"),
         ({"clip": (1.0, -1.0)}, "a lower and a higher bound"), ({"delay": 11.0}, "0 to 10 s"),
         ({"scale": INF}, "finite"), ({"seed": 0.5}, "whole number"),
+        ({"spacing": 10**400}, "must be a number"), ({"order": ONES}, "one of ('xy', 'yx')"),
     ],
-    (HeightScan.of, "height_scan"): [(("isaac_gym",), "choose one of")],
+    (HeightScan.of, "height_scan"): [((name,), "one of ('isaac_lab', ") for name in ("isaac_gym", [])],
     (MotionConfig, "parameter"): [
-        ({"mode": "guess"}, "choose"), ({"changes": "guess"}, "choose"), ({"max_interval": 0.0}, "max_interval"),
+        *(({"mode": value}, "one of ('hold', ") for value in ("guess", ONES)),
+        *(({"changes": value}, "one of ('motion', ") for value in ("guess", ONES)),
+        ({"max_interval": 0.0}, "max_interval"),
         ({"max_velocity": NAN}, "max_velocity"), ({"settle": 0.0}, "settle"), ({"noise": "little"}, "noise"),
         *(({"min_interval": value}, "min_interval") for value in (1.0, -1.0)), ({"smoothing": 11.0}, "smoothing"),
     ],
@@ -117,12 +120,18 @@ REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
         ({"position": (0.0, 0.0, 0.0), "velocity": (1.0, 0.0, 0.0)}, "give both the velocity and the spin"),
     ],
     (deck_move, "quaternion"): [(((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 2.0)), "must be a unit quaternion")],
-    (deck_move, "time"): [({"position": (0.0, 0.0, 0.0), "time": 0.5}, "too late")],
+    (deck_move, "time"): [({"position": (0.0, 0.0, 0.0), "time": 0.5}, "too late"),
+                          ({"position": (0.0, 0.0, 0.0), "time": 1e308}, "up to 1e+12")],
     (Terrain().put, "name"): [
         ((name, made), "must be a text") for name in (3, None) for made in (flat(), Deck(flat()))
     ],
     (FERRY.put, "name"): [(("", Deck(flat())), "the name of a tile"), (("ferry", flat()), "the name of a deck")],
-    (FERRY.deck, "unknown_deck"): [(("sea",), "there is no deck 'sea'")],
+    (FERRY.deck, "unknown_deck"): [(("sea",), "there is no deck 'sea'; known: 'ferry'"), (([],), "no deck []")],
+    (FERRY.tile, "unknown_tile"): [(("sea",), "there is no tile 'sea'; known: ''"), (([],), "no tile []")],
+    (FERRY.remove, "name"): [(([],), "must be a text")],
+    **{(moving, "time"): [((time,), "finite number of seconds") for time in ("now", NAN, 1e308)]
+       for moving in (FERRY.moving, FERRY.deck("ferry").moving, FERRY.tile("").moving, mesh().moving,
+                      FERRY.deck("ferry").frame)},
     (partial(HeightScan().read, flat()), "length"): [
         ((poses, 0.0), "x, y, z and yaw of each") for poses in ([[0, 0, 0]], [["a", "b", "c", "d"]])
     ],

@@ -253,3 +253,20 @@ def test_what_does_not_fit_the_robot_is_said_once_and_refused(name: str, config:
 def test_a_command_that_cannot_be_is_refused(speed: Any, lasts: float, words: str) -> None:
     with World() as world, pytest.raises(InputError, match=words):
         Base(world, "robot", BaseConfig(wheels=("left", "right"))).drive(speed, 0.0, lasts)
+
+
+def test_a_robot_has_one_base_until_that_is_closed() -> None:
+    with standing("cart") as (world, first):
+        other = BaseConfig(wheels=("left", "right"), linear_limit=0.2)
+        with pytest.raises(InputError, match=r"drives 'robot' already.*close"):
+            Base(world, "robot", other)
+        world.restore(world.save())
+        world.remove("robot")
+        world.spawn_robot("robot", ROBOTS["cart"][0], BodyState(), on_ground=True)
+        first.drive(0.5, 0.0)
+        assert mean_velocity(world, 480)[0] == pytest.approx(0.5, rel=0.1)
+        first.close()
+        second = Base(world, "robot", other)
+        second.drive(0.5, 0.0)
+        world.step(240)
+        assert mean_velocity(world, 240)[0] == pytest.approx(0.2, rel=0.02)

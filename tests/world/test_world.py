@@ -9,7 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from smartmesh_ros import Base, BodyState, HeightScanner, Imu, InputError, PhysicsConfig, World, WorldConfig
+from smartmesh_ros import (
+    Base,
+    BaseConfig,
+    BodyState,
+    Carrier,
+    HeightScan,
+    HeightScanner,
+    Imu,
+    InputError,
+    PhysicsConfig,
+    World,
+    WorldConfig,
+)
 from smartmesh_ros.ground.shapes import Box, Hull, Sphere
 from smartmesh_ros.node.inputs.tracking import Tracking
 from tests import urdfs
@@ -28,6 +40,8 @@ from tests.grounds import level, moving
         (lambda w: w.height_scan("ball", "isaac_lab"), "height_scan: "),
         (lambda w: HeightScanner(w, "ball", "isaac_lab"), "height_scan: "),
         (lambda w: Imu(w, "ball", config=100.0), "imu: "),
+        (lambda _: Imu(None, "ball"), "world of an IMU is None"),
+        (lambda _: Base(None, "ball", BaseConfig(wheels=("a", "b"))), "world of a base is None"),
         (lambda w: Base(w, "ball", "husky"), "base: "),
         (lambda w: w.spawn("x", Sphere(0.1), 1.0, align=True), "parameter: "),
         (lambda w: w.spawn_robot("x", urdfs.HUSKY, clearance=0.1), "parameter: "),
@@ -43,11 +57,57 @@ from tests.grounds import level, moving
         (lambda w: w.spawn("x", Sphere(0.1), "heavy"), "mass of 'x' is heavy kg"),
         (lambda w: w.spawn("x", Sphere(0.1), math.inf), "mass of 'x' is inf kg; it must be finite"),
         (lambda w: w.spawn("x", Sphere(0.1), 1.0, (0.0, 0.0, 1.0)), "pass BodyState(position, ...)"),
-        (lambda w: w.spawn("x", Sphere(0.1), 1.0, on_ground=True, clearance="some"), "clearance is some m"),
+        (lambda w: w.spawn("x", Sphere(0.1), 1.0, on_ground=True, clearance="some"), "clearance is 'some'"),
         (lambda w: w.track("x", "ball", BodyState()), "radius of the sphere is ball m"),
         (lambda w: w.spawn_robot("x", 5), "type int; pass the text or the path of a URDF"),
-        (lambda w: w.configure(PhysicsConfig()), "pass WorldConfig(physics="),
-        (lambda w: w.step(-1), "-1 steps; ask for 0 or more"),
+        (lambda w: w.configure(PhysicsConfig()), "must be WorldConfig(physics="),
+        *(
+            (partial(act, steps), f"steps: the number of steps is {steps!r}; it must be a whole number from 0 on")
+            for act in (lambda steps, w: w.step(steps), lambda steps, w: w.skip(steps))
+            for steps in (-1, None, 1.5, True)
+        ),
+        (lambda w: w.periods(math.nan), "the rate is nan; it must be finite"),
+        *(
+            (partial(act, []), words)
+            for words, acts in (
+                (
+                    "unknown_body: there is no body []; known: 'ball'",
+                    (
+                        lambda name, w: w.state(name),
+                        lambda name, w: w.wake(name),
+                        lambda name, w: w.remove(name),
+                        lambda name, w: w.move(name, BodyState()),
+                        lambda name, w: w.drive(name, "axle", 1.0),
+                        lambda name, w: w.height_scan([name], HeightScan()),
+                        lambda name, w: w.cast_rays([(0, 0, 1)], [(0, 0, -1)], 2.0, through=[name]),
+                    ),
+                ),
+                (
+                    "empty_id: ",
+                    (
+                        lambda name, w: w.track(name, 0.1, BodyState()),
+                        lambda name, w: Imu(w, name),
+                        lambda name, w: Base(w, name, BaseConfig(wheels=("a", "b"))),
+                    ),
+                ),
+                ("unknown_joint: ", (lambda name, w: w.drive("ball", name, 1.0),)),
+                ("a tile or deck is []; it must be a text", (lambda name, w: w.carry(name, Carrier("ball")),)),
+                (
+                    "Carrier(body, ...) with names",
+                    (
+                        lambda name, w: w.carry("deck", Carrier(name)),
+                        lambda name, w: w.carry("deck", Carrier("ball", link=name)),
+                    ),
+                ),
+                ("the file of a state is []; it must be a path", (lambda name, w: w.save(name),)),
+            )
+            for act in acts
+        ),
+        (lambda w: w.height_scan(5, HeightScan()), "there is no body 5"),
+        (lambda w: w.spawn("x", Sphere(0.1), 1.0, on_ground="x"), "on_ground is 'x'; it must be True or False"),
+        (lambda w: w.spawn("x", Sphere(0.1), 1.0, on_ground=True, align="x"), "align is 'x'; it must be True or False"),
+        (lambda _: PhysicsConfig(sleep="x"), "sleep is 'x'; it must be True or False"),
+        (lambda _: PhysicsConfig(rate=5e-324), "rate is 5e-324; it must be finite"),
         (lambda w: w.restore(None), "the saved state is None; pass its bytes or its file"),
         (lambda w: w.move("ball", BodyState((1e8, 0.0, 0.0))), "position: "),
         (lambda w: w.move("ball", BodyState(angular=(0.0, 0.0, 1e200))), "angular_velocity: "),

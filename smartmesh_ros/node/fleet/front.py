@@ -16,7 +16,6 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from smartmesh_msgs.msg import BodySpecification, Timing, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
@@ -31,10 +30,10 @@ from smartmesh_ros.node.outputs.diagnostics import task_status
 from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.parameters.settings import full_names
-from smartmesh_ros.node.refusals import LOG_PERIOD, shortened
+from smartmesh_ros.node.refusals import GRACE, LOG_PERIOD, shortened
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.services.body_services import failures_of, noting
-from smartmesh_ros.node.session import SERVICES
+from smartmesh_ros.node.session import OUTPUTS, SERVICES
 
 _D = LedgerConfig()
 SPECS = (
@@ -95,6 +94,7 @@ class Front(ParameterNode):
         self._readers = {node: PeerReader() for node in self.ledger.members}
         self._states = {node: Polled(self, node) for node in self.ledger.members}
         self._timings: dict[str, Timing] = {}
+        self._started_at = monotonic()  # [s]
         for node in self.ledger.members:
             take = partial(self._timings.__setitem__, marker_namespace(node).rpartition("/")[2])
             self.create_subscription(Timing, f"{node}/timing", take, 10)
@@ -102,9 +102,9 @@ class Front(ParameterNode):
         self._serve(SpawnBodies, "spawn_bodies", self._spawn, lambda request: request.bodies)
         self._serve(RemoveBody, "remove_body", self._remove, lambda request: [request.id])
         self._serve(RemoveBodies, "remove_bodies", self._remove, lambda request: request.ids)
-        self._patches = self.create_publisher(MarkerArray, "~/patches", QoSProfile(depth=10))
-        self._timing = self.create_publisher(Timing, "~/timing", QoSProfile(depth=10))
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
+        self._patches = self.create_publisher(MarkerArray, "~/patches", OUTPUTS)
+        self._timing = self.create_publisher(Timing, "~/timing", OUTPUTS)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", OUTPUTS)
         self.create_timer(CHECK_PERIOD, self._check_nodes, callback_group=self._group)
         self.create_timer(REPORT_PERIOD, self._report, callback_group=self._group)
 
@@ -217,6 +217,8 @@ class Front(ParameterNode):
         self._timings.clear()
         self.ledger.connected = {f"{space.rstrip('/')}/{name}" for name, space in self.get_node_names_and_namespaces()}
         living, waiting, starting = self.ledger.living, self.ledger.waiting, self.ledger.starting
+        if not (living or starting) and monotonic() - self._started_at > GRACE:
+            self.get_logger().warning(f"none of {', '.join(self.ledger.members)} is heard; start them", once=True)
         counts = Counter(entry.node for entry in self.ledger.bodies.values())
         dead = self.ledger.members.keys() - {*living, *starting}
         values: dict[str, Any] = {

@@ -12,6 +12,8 @@ from typing import Any
 import yaml
 from ament_index_python.packages import get_package_prefix
 
+from smartmesh_ros.startup.executables import executable
+
 PACKAGE = "smartmesh_ros"
 COLLIDER, FRONT, PRESET = "terrain_collider", "fleet", "fleet"
 # Topics under the front's name that all nodes subscribe to or publish on.
@@ -86,4 +88,4 @@ def _file(path: Path, parameters: dict[str, Any]) -> Path:
 def _command(name: str, files: list[Path], names: Sequence[tuple[str, str]] = ()) -> list[str]:
     options = [part for file in files for part in ("--params-file", str(file))]
     options += [part for old, new in names for part in ("-r", f"{old}:={new}")]
-    return [str(Path(get_package_prefix(PACKAGE)) / "lib" / PACKAGE / name), "--ros-args", *options]
+    return [str(executable(name)), "--ros-args", *options]

@@ -120,7 +120,7 @@ class MapChecks:
     def _several(self) -> bool:
         return any(topic.get_publisher_count() > 1 for topic in self._session.terrain_subscriptions)
 
-    def _disagreement(self, tile: str) -> str:
+    def _words_of(self, tile: str) -> str:
         """Return that the maps of a tile disagree, and of which nodes."""
         node, topics = self._session.node, [one.topic_name for one in self._session.terrain_subscriptions]
         names = names_of(one for topic in topics for one in node.get_publishers_info_by_topic(topic))
@@ -136,7 +136,7 @@ class MapChecks:
         empty, samples = next(reversed(self._empty.items()), ("", 0))
         place = f"tile {empty!r}" if empty else "the map"
         self._problems = {
-            "rivals": "" if rivals is None else self._disagreement(rivals),
+            "rivals": "" if rivals is None else self._words_of(rivals),
             "holes": f"{place} has no ground: all its {samples} heights are NaN, which means a hole" if samples else "",
             "noise": f"maps look like those of a sensor or mapper ({noise}) {ADVICE}" if noise else "",
         }

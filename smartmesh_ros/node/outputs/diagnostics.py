@@ -7,14 +7,13 @@ from itertools import chain, islice
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.qos import QoSProfile
 
 from smartmesh_ros.errors import listed
 from smartmesh_ros.node.endpoints import incompatible_peers, unheard_latched
 from smartmesh_ros.node.fleet.peers import PeerBodies
 from smartmesh_ros.node.outputs.clock_publishing import ClockPublishing, ClockWatch
 from smartmesh_ros.node.outputs.rates import Rhythm
-from smartmesh_ros.node.session import Session
+from smartmesh_ros.node.session import OUTPUTS, Session
 
 # A map older than this is stale, and so is the pose of a deck [s].
 STALE = 2.0
@@ -69,7 +68,7 @@ class Diagnostics:
     ) -> None:
         self._session, self._peers, self._clock, self._waiting = session, peers, clock, waiting
         self._world = session.world
-        self._publisher = session.node.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
+        self._publisher = session.node.create_publisher(DiagnosticArray, "/diagnostics", OUTPUTS)
         self._clock_watch, self._namesakes = ClockWatch(session), 0
         self._window, self._clock_window = PaceWindow(session), PaceWindow(session, session.clock.pace)
         self._rhythm, self._look = Rhythm(session.clock.steady()), Rhythm()

@@ -11,12 +11,12 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import yaml
 from rclpy.utilities import remove_ros_args
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.declaring import Spec, refused_arguments
 from smartmesh_ros.startup.remappings import refuse_expanded
+from smartmesh_ros.yaml_text import parsed_yaml
 
 
 def own_arguments(arguments: Sequence[str]) -> list[str]:
@@ -116,8 +116,8 @@ def mismatch(file: Path, node: str) -> str | None:
     rcl ignores such a file silently. Unreadable files give None, because rcl reports them itself.
     """
     try:
-        content = yaml.safe_load(file.read_text())
-    except (OSError, ValueError, yaml.YAMLError):
+        content = parsed_yaml(file.read_text())
+    except (OSError, ValueError):  # `InputError` is one
         return None
     names = [name for name, _ in parameters_by_node(content)]
     if not names or any(re.fullmatch(pattern(name), node) for name in names):

@@ -26,7 +26,7 @@ from smartmesh_ros.node.inputs.optional_messages import find_class
 from smartmesh_ros.node.outputs.cdr import doubles
 from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
-from smartmesh_ros.node.refusals import LOG_PERIOD
+from smartmesh_ros.node.refusals import GRACE, LOG_PERIOD
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.transport import LATCHED
 from smartmesh_ros.terrain.grid import FloatArray
@@ -57,9 +57,8 @@ SPECS = (
     fixed("camera.view", [math.radians(87.0), math.radians(58.0)],
           "Horizontal and vertical angle between the outermost rays [rad].", 0.01, 3.1),
 )  # fmt: skip
-# Time without looks that is no reason for a warning, such as at a start [s], and number of empty clouds in a row that
-# is.
-GRACE, EMPTY_LOOKS = 5.0, 5
+# Number of empty clouds in a row that is reason for a warning.
+EMPTY_LOOKS = 5
 # Time after which an unanswered call is given up [s].
 PATIENCE = 2.0
 # Rotation from a frame that looks along x, z up, to an optical frame, which looks along z, y down.

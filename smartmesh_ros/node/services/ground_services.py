@@ -21,7 +21,7 @@ from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.node.timing.stamps import stamp_seconds
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.surface_query import checked_points, checked_rays, ground_samples
-from smartmesh_ros.world.body_rays import cast_rays, require_bodies
+from smartmesh_ros.world.body_rays import cast_rays
 from smartmesh_ros.world.standing import NO_TERRAIN
 
 # Largest difference between the instant of a question and now [s].
@@ -151,7 +151,8 @@ class GroundServices:
         starts, ways = asked.points_w(origins.reshape(-1, 3)), asked.vectors_w(directions.reshape(-1, 3))
         rays = checked_rays(starts, ways, request.range)
         through = set(request.through)
-        require_bodies(through, world.bodies)
+        for name in through:
+            world.body(name)
         parts = []
         for part in parts_of(len(rays.origins), RAYS_IN_TURN):
             with self._session.lock:

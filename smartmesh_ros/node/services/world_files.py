@@ -13,20 +13,18 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io import files
 from smartmesh_ros.io.rasters import Raster, RasterConfig
 from smartmesh_ros.io.urdf import require_inside
 from smartmesh_ros.node.inputs.cdr_reader import MOST_SAMPLES
-from smartmesh_ros.node.parameters.entries import LOADER
 from smartmesh_ros.node.parameters.helping import PARAMETERS, parameters_by_node
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.parameters.specifications import NAMES, with_values
 from smartmesh_ros.node.services.body_entries import Entry, entries_from
 from smartmesh_ros.node.services.files import allowed_folders, files_in
 from smartmesh_ros.world.paths import expanded
+from smartmesh_ros.yaml_text import parsed_yaml
 
 WORLDS = (*files.KINDS, ".yaml", ".yml")
 # The parameters that make a world.
@@ -102,14 +100,10 @@ def worlds_in(sources: list[str], settings: Settings) -> tuple[list[WorldFile], 
 def _world_of_text(text: str, settings: Settings, *, name: str, folder: Path = Path()) -> WorldFile:
     """Return the world of a parameter file in a ``folder``. Raises `InputError`."""
     try:
-        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, Loader=LOADER)):
-            raise InputError("world", f"world {name!r} has aliases (*name), which ROS does not read either")
-        found = [values for _, values in parameters_by_node(yaml.load(text, Loader=LOADER))]
+        found = [values for _, values in parameters_by_node(parsed_yaml(text, aliases=False))]
         given = {name: value for values in found for name, value in values.items()}
-    except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError("world", f"world {name!r} is no YAML: {str(error)[:300]}") from None
+    except (ValueError, TypeError, RecursionError) as error:
+        raise InputError("world", f"world {name!r} cannot be read: {error}") from None
     known = {key: given[key] for key in ELEMENTS & given.keys()}
     made = with_values(replace(settings, file="", spawn=()), known)
     if not made.file and not made.spawn:

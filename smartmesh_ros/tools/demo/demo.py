@@ -25,11 +25,11 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.scenes.eight import robot_file
 from smartmesh_ros.startup.arguments import Parser, make_folder, number
 from smartmesh_ros.startup.dds import isolated_unless_chosen
+from smartmesh_ros.startup.executables import executable
 from smartmesh_ros.terrain.heightmap import HeightMap
 from smartmesh_ros.tools.client.remote import OUTPUTS, Remote, following
 from smartmesh_ros.tools.fleet import processes
 from smartmesh_ros.tools.messages import pose_message
-from smartmesh_ros.tools.testing.process import executable
 
 if TYPE_CHECKING:
     from smartmesh_ros.tools.demo.demo_pictures import Frame

@@ -1,6 +1,7 @@
-"""The node ``rover``: publishes an elevation model once, spawns a wheeled robot on it, and drives an eight.
+"""The node ``rover``: publishes an elevation model, spawns a wheeled robot on it, and drives an eight.
 
-Started beside a terrain_collider with soil, as ``soil.launch.py rover:=true`` does, it leaves ruts.
+The robot is spawned again whenever it is gone. Started beside a terrain_collider with soil, as ``soil.launch.py
+rover:=true`` does, it leaves ruts.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from smartmesh_msgs.srv import SpawnBody
 
 from smartmesh_ros.node.parameters.declaring import ParameterNode
 from smartmesh_ros.node.parameters.helping import answer
+from smartmesh_ros.node.refusals import GRACE, LOG_PERIOD
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.transport import LATCHED
 from smartmesh_ros.scenes import eight
@@ -38,18 +40,25 @@ class Rover(ParameterNode):
         self._commands = self.create_publisher(JointState, "terrain_collider/joint_commands", 10)
         self._spawner = self.create_client(SpawnBody, "terrain_collider/spawn_body")
         self.create_subscription(TrackedBodyArray, "terrain_collider/body_states", self._steer, 10)
-        self._has_published, self._call_at = False, 0.0
+        self._heard_at = monotonic()  # when the map had a subscriber [s]
+        self._call_at = 0.0  # not before then [s]
+        self._there = False  # the robot, also if another run of this node has spawned it
         self._way = 0.0
-        self._starting = self.create_timer(PERIOD, self._start)
+        self.create_timer(PERIOD, self._start)
 
     def _start(self) -> None:
-        if not self._has_published:
-            if self._maps.get_subscription_count():
-                stamp = self.get_clock().now().to_msg()
-                self._maps.publish(map_of(self._ground.geometry, self._ground.heights, stamp))
-                self._has_published = True
-        elif monotonic() >= self._call_at and self._spawner.service_is_ready():
-            self._call_at = monotonic() + PATIENCE
+        """Publish the ground and spawn the robot if it is not there."""
+        now = monotonic()
+        if not self._maps.get_subscription_count():
+            if now - self._heard_at > GRACE:
+                words = f"nobody subscribes to {self._maps.topic_name}; start terrain_collider, or remap the topic"
+                self.get_logger().warning(words, throttle_duration_sec=LOG_PERIOD)
+            return
+        self._heard_at = now
+        if not self._there and now >= self._call_at and self._spawner.service_is_ready():
+            self._call_at = now + PATIENCE
+            stamp = self.get_clock().now().to_msg()
+            self._maps.publish(map_of(self._ground.geometry, self._ground.heights, stamp))
             request = SpawnBody.Request(id=ROBOT, urdf=str(eight.robot_file()), on_ground=True, align=True)
             request.pose.position.x, request.pose.position.y = eight.PLACE
             self._spawner.call_async(request).add_done_callback(self._spawned)
@@ -61,13 +70,16 @@ class Rover(ParameterNode):
             self.get_logger().info(f"waits to spawn {ROBOT}: {future.result().message}", throttle_duration_sec=2.0)
 
     def _steer(self, message: TrackedBodyArray) -> None:
-        for body in message.bodies:
-            if body.id == ROBOT:
-                self._starting.cancel()  # also if another run of this node has spawned it
-                place, turn = body.pose.position, body.pose.orientation
-                self._way, speeds = eight.steered((place.x, place.y), (turn.x, turn.y, turn.z, turn.w), self._way)
-                names = [f"{ROBOT}/{joint}" for joint in speeds]
-                self._commands.publish(JointState(name=names, velocity=list(speeds.values())))
+        robots = [body for body in message.bodies if body.id == ROBOT]
+        if self._there and not robots:
+            self.get_logger().warning(f"{ROBOT} is gone; it is spawned again")
+            self._way = 0.0
+        self._there = bool(robots)
+        for body in robots:
+            place, turn = body.pose.position, body.pose.orientation
+            self._way, speeds = eight.steered((place.x, place.y), (turn.x, turn.y, turn.z, turn.w), self._way)
+            names = [f"{ROBOT}/{joint}" for joint in speeds]
+            self._commands.publish(JointState(name=names, velocity=list(speeds.values())))
 
 
 def main(args: Sequence[str] | None = None) -> None:

@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any
 
 from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.startup.dds import isolated
+from smartmesh_ros.startup.executables import executable
 from smartmesh_ros.tools.messages import (
     assert_on_map,
     heightmap_message,
@@ -37,7 +38,7 @@ from smartmesh_ros.tools.messages import (
     pose_message,
 )
 from smartmesh_ros.tools.testing.probe import COLLIDER, Probe
-from smartmesh_ros.tools.testing.process import TIMEOUT, Process, assert_cannot_start, executable
+from smartmesh_ros.tools.testing.process import TIMEOUT, Process, assert_cannot_start
 
 if TYPE_CHECKING:
     from smartmesh_ros.tools.replay.replay import Replay

@@ -16,9 +16,9 @@ from threading import Thread
 from typing import IO, Any, ClassVar
 
 import yaml
-from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.startup.executables import executable
 
 # Default limit of waits [s], far longer than an idle machine needs.
 TIMEOUT = 120.0
@@ -36,16 +36,6 @@ if sys.platform == "linux":
 if os.getppid() == int(sys.argv[1]):
     os.execv(sys.argv[2], sys.argv[2:])
 """
-
-
-def executable(name: str, package: str = "smartmesh_ros") -> Path:
-    """Return the path of an installed executable, looked up in the ament index like ``ros2 run``. Raises
-    `FileNotFoundError`."""
-    with suppress(PackageNotFoundError):
-        path = Path(get_package_prefix(package)) / "lib" / package / name
-        if path.is_file():
-            return path
-    raise FileNotFoundError(f"package {package} has no executable {name}; build and source the workspace")
 
 
 def start_command(command: list[str], log: IO[bytes], environment: dict[str, str]) -> subprocess.Popen[bytes]:

@@ -154,7 +154,7 @@ def _joint(element: ElementTree.Element, name: str, links: dict[str, ElementTree
     kind = element.get("type")
     if kind == "floating":
         raise InputError(
-            "urdf", f"joint {name!r} is floating, which is not supported; describe its child as a robot of its own"
+            "urdf", f"joint {name!r} is floating, which is not possible; make its child a robot of its own"
         )
     if kind not in JOINT_TYPES:
         what = "no type" if kind is None else f"the type {kind[:80]!r}"
@@ -186,9 +186,7 @@ def _root(links: dict[str, ElementTree.Element], joints: tuple[Joint, ...]) -> s
     roots = [link for link in links if link not in above]
     if len(roots) > 1:
         named = listed([*map(repr, roots)])
-        raise InputError(
-            "urdf", f"{len(roots)} links have no parent: {named}; one link is the root, joints hold the others"
-        )
+        raise InputError("urdf", f"{len(roots)} links have no parent: {named}; one is the root, joints hold the others")
     try:
         TopologicalSorter({joint.child: [joint.parent] for joint in joints}).prepare()
     except CycleError as error:

@@ -13,7 +13,7 @@ from graphlib import CycleError, TopologicalSorter
 from typing import NamedTuple
 from xml.etree import ElementTree
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, require
 from smartmesh_ros.ground.followers import LEAST_AXIS
 from smartmesh_ros.ground.limits import FARTHEST_BODY, FASTEST
 from smartmesh_ros.ground.state import Vector
@@ -139,8 +139,7 @@ def _drive(element: ElementTree.Element, robot: Description) -> SurfaceDrive:
     [limit] = numbers(_only(element, "limit", what), "velocity", what, 1)
     if not LEAST_AXIS <= math.hypot(x, y, z) <= FARTHEST_BODY:
         raise InputError("urdf", f"the axis of {what} is ({x:g}, {y:g}, {z:g}), which is zero or has no length")
-    if not 0.0 < limit <= FASTEST:
-        raise InputError("urdf", f"the limit of {what} is {limit:g} m/s; it must be above zero, to {FASTEST:g}")
+    require(0.0 < limit <= FASTEST, "urdf", f"the limit of {what}", limit, f"above zero, to {FASTEST:g} m/s")
     return SurfaceDrive(link, (x, y, z), limit)
 
 

@@ -10,7 +10,7 @@ import math
 import re
 from xml.etree import ElementTree
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, require
 from smartmesh_ros.ground.limits import FARTHEST_BODY, MASSES, SIZES
 from smartmesh_ros.world.robots.description import Description
 
@@ -60,11 +60,9 @@ def numbers(element: ElementTree.Element, key: str, what: str, count: int) -> li
     """Return the numbers of an attribute. Raises `InputError` unless there are ``count`` and nothing else."""
     values = _require_finite(element, key, what)
     words = element.get(key, "").split()
-    if len(words) != count or not all(map(_NUMBER.fullmatch, words)):
-        raise InputError(
-            "urdf", f"{key} of a {element.tag} of {what} is {element.get(key, '')[:80]!r}; it must be "
-            + ("a number" if count == 1 else f"{count} numbers")
-        )  # fmt: skip
+    good, wanted = len(words) == count and all(map(_NUMBER.fullmatch, words)), f"{count} numbers"
+    what = f"{key} of a {element.tag} of {what}"
+    require(good, "urdf", what, element.get(key, "")[:80], "a number" if count == 1 else wanted)
     return values
 
 
@@ -129,10 +127,8 @@ def _check_inertial(inertial: ElementTree.Element, what: str) -> None:
     if mass is None or inertia is None:
         raise InputError("urdf", f"the <inertial> of {what} needs <mass value=.../> and <inertia .../>")
     [value] = numbers(mass, "value", what, 1)
-    if value and not _MASSES[0] <= value <= _MASSES[1]:
-        raise InputError(
-            "urdf", f"the mass of {what} is {value:g} kg; it must be 0, or {_MASSES[0]:g} to {_MASSES[1]:g}"
-        )
+    low, high = _MASSES
+    require(not value or low <= value <= high, "urdf", f"the mass of {what}", value, f"0, or {low:g} to {high:g} kg")
 
 
 def _check_shape(collision: ElementTree.Element, what: str) -> None:
@@ -146,10 +142,8 @@ def _check_shape(collision: ElementTree.Element, what: str) -> None:
     [shape] = shapes
     for key, count in SHAPES[shape.tag].items():
         for value in numbers(shape, key, what, count):
-            if not SIZES[0] <= value <= SIZES[1]:
-                raise InputError(
-                    "urdf", f"{key} of a {shape.tag} of {what} is {value:g} m; it must be {SIZES[0]:g} to {SIZES[1]:g}"
-                )
+            low, high = SIZES
+            require(low <= value <= high, "urdf", f"{key} of a {shape.tag} of {what}", value, f"{low:g} to {high:g} m")
     if shape.tag == "mesh":
         if not shape.get("filename"):
             raise InputError("urdf", f"a mesh of {what} has no filename")
