@@ -33,13 +33,10 @@ class ShapeReach final : public Reach {
     return shape_.bounds.grown(most).meets({q, q});
   }
 
-  bool is_clear_of(const Vec3 (&corners)[4]) const override {
+  bool is_clear_of(const Bounds& box) const override {
     if (!is_ball_) return false;
     const double limit = shape_.rounding + grown_;
-    Bounds bounds;
-    for (const Vec3& p : corners)
-      if (!std::isnan(p.z)) bounds.add(p);
-    const Vec3 &at = pose_.at, &low = bounds.low, &high = bounds.high;
+    const Vec3 &at = pose_.at, &low = box.low, &high = box.high;
     const Vec3 nearest{std::clamp(at.x, low.x, high.x), std::clamp(at.y, low.y, high.y),
                        std::clamp(at.z, low.z, high.z)};
     return norm2(nearest - at) > limit * limit;
@@ -86,15 +83,14 @@ void find_contacts(const Convex& shape, const Pose& pose, const Patch& patch, co
   const Polytope& core = shape.core;
   // Most features of a hull of many vertices lie above all ground in reach.
   const double limit = patch.highest + shape.rounding + grown;
-  std::vector<char> low(core.vertices.size());
-  for (std::size_t k = 0; k < core.vertices.size(); ++k) {
-    low[k] = dot(pose.rotation.row[2], core.vertices[k]) + pose.at.z <= limit;
-    if (low[k]) touch_vertex(shape, pose, static_cast<int>(k), patch, approach, contacts);
-  }
+  const auto is_low = [&](std::size_t k) { return dot(pose.rotation.row[2], core.vertices[k]) + pose.at.z <= limit; };
+  for (std::size_t k = 0; k < core.vertices.size(); ++k)
+    if (is_low(k)) touch_vertex(shape, pose, static_cast<int>(k), patch, approach, contacts);
+  if (core.edges.empty()) return;  // a ball
   for (const Peak& peak : patch.peaks) touch_peak(shape, pose, peak, patch, approach, contacts);
   const double angle = approach.angle_after_impact(unit(-approach.linear));
   for (std::size_t k = 0; k < core.edges.size(); ++k)
-    if ((low[core.edges[k].end[0]] || low[core.edges[k].end[1]]) &&
+    if ((is_low(core.edges[k].end[0]) || is_low(core.edges[k].end[1])) &&
         faces_ground(shape, pose, core.edges[k], patch, angle))
       touch_edge(shape, pose, static_cast<int>(k), patch, approach, contacts);
 }

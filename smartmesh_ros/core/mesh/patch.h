@@ -95,9 +95,8 @@ struct Patch {
 struct Reach {
   virtual bool touches(const Vec3& centre, double radius) const = 0;
 
-  // Returns true if no point of a cell of a height map with these corners may be touched; narrower than `touches`,
-  // which knows a ball around the cell alone. Height NaN: no ground.
-  virtual bool is_clear_of(const Vec3 (&corners)[4]) const = 0;
+  // Returns true if no point of a box may be touched, as far as a quick test tells.
+  virtual bool is_clear_of(const Bounds& box) const = 0;
 
   // Returns true if an edge at `p` may be touched from the directions between the outward normals `one` and `other` of
   // its facets: the centre of what touches is at one of these sides.
@@ -115,14 +114,14 @@ struct Reach {
 // Reach of everything, for callers that need all triangles in a box.
 struct Everything final : Reach {
   bool touches(const Vec3&, double) const override { return true; }
-  bool is_clear_of(const Vec3 (&)[4]) const override { return false; }
+  bool is_clear_of(const Bounds&) const override { return false; }
   bool is_outside(const Vec3&, const Vec3&, const Vec3&) const override { return true; }
   double bottom() const override { return 1e300; }
 };
 
-// Adds the facets, convex edges and peaks of those cells of a window that are in `reach`, and the walls of holes and
-// rims: what is under a map is solid. The window has a ring of samples around its cells. `first_row`, `first_column`:
-// of the window in the map, for the names of points.
+// Adds the facets of those cells of a window that are in `reach`, their convex edges and peaks that are, and the walls
+// of holes and rims: what is under a map is solid. The window has a ring of samples around its cells. `first_row`,
+// `first_column`: of the window in the map, for the names of points.
 void add_cells(const Window& window, long first_row, long first_column, const Reach& reach, Patch& patch);
 
 }  // namespace smartmesh

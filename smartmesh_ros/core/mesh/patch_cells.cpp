@@ -112,10 +112,10 @@ class CellAdder {
     const bool has_walls = has_walls_ && is_at_rim(r, c);
     if (has_walls) low = std::min(low, foot_of(low));
     const double size = window_.resolution, half = 0.5 * (high - low);
-    const Vec3 centre = window_.pose.point({r + 0.5, c + 0.5}, size, low + half);
-    if (!reach_.touches(centre, std::sqrt(0.5 * size * size + half * half))) return false;
-    return has_walls || !reach_.is_clear_of({window_.point(r, c), window_.point(r, c + 1), window_.point(r + 1, c),
-                                             window_.point(r + 1, c + 1)});
+    const double across = 0.5 * size * (std::abs(window_.pose.cos) + std::abs(window_.pose.sin));
+    const Vec3 centre = window_.pose.point({r + 0.5, c + 0.5}, size, low + half), extent{across, across, half};
+    if (!has_walls && reach_.is_clear_of({centre - extent, centre + extent})) return false;
+    return reach_.touches(centre, std::sqrt(0.5 * size * size + half * half));
   }
 
   // Returns the index of a sample in the patch, -1 for a hole. Samples around active cells are inside the window.
@@ -216,8 +216,8 @@ class CellAdder {
     }
   }
 
-  // Adds an edge that starts at sample (r, c) if it belongs to a cell that may be touched and the ground is convex
-  // there.
+  // Adds an edge that starts at sample (r, c) if it belongs to a cell that may be touched, may be touched itself, and
+  // the ground is convex there.
   void add_edge(int r, int c, const EdgeKind& kind) {
     const auto cell = [&](const Side& side) { return at(r + side.cell_row, c + side.cell_column); };
     const auto third = [&](const Side& side) { return height(r + side.row, c + side.column); };
@@ -229,6 +229,9 @@ class CellAdder {
     // The four corners are a parallelogram seen from above.
     if (std::isnan(thirds) ? std::isnan(third(left)) && std::isnan(third(right)) : !(thirds < ends - CONVEX)) return;
     Edge edge{{point(r, c), point(r2, c2)}, {-1, -1}, {}};
+    Bounds box;
+    for (int k : edge.end) box.add(patch_.points[k]);
+    if (reach_.is_clear_of(box)) return;
     for (int k = 0; k < 2; ++k) {
       const Side& side = kind.sides[k];
       const bool is_rim = std::isnan(third(side));
@@ -246,6 +249,8 @@ class CellAdder {
   void add_peak(int r, int c) {
     const double z = height(r, c);
     if (std::isnan(z)) return;
+    const Vec3& p = patch_.points[point(r, c)];
+    if (reach_.is_clear_of({p, p})) return;
     double around[6], neighbours[6];  // NaN: they share no facet
     for (int k = 0; k < 6; ++k) around[k] = height(r + AROUND[k][0], c + AROUND[k][1]);
     for (int k = 0; k < 6; ++k)
