@@ -132,7 +132,7 @@ def test_what_is_refused_is_told(shared: Probe, smartmesh: Command, tmp_path: Pa
     assert "physics is running" in refusal("step")
     assert "no parameter 'physics.rat'; did you mean 'physics.rate'?" in refusal("param", "physics.rat")
     assert "it must be" in refusal("param", "physics.rate", "-3")
-    for text in ("[", "{a: 1}", "2024-01-01", "2024-13-01", "[0, down]"):
+    for text in ("[", "{a: 1}", "2024-01-01", "2024-13-01", "[0, down]", "!!bool x"):
         assert "write a number, a text, true, false, or a list of one of these" in refusal("param", "frame_id", text)
     assert "it must be of type float, 1 to 10000" in refusal("param", "physics.rate", "1" + 30 * "0")
     assert "put no option before run" in refusal("--timeout", "5", "run", "terrain_source")

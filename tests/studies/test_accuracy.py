@@ -106,6 +106,7 @@ def test_the_elevation_model_is_the_same_terrain_at_every_resolution() -> None:
         "[]",
         "{",
         "title: x",
+        "{title: x, ground: {kind: flat}, grid: !!bool x}",
         "{title: x, ground: {kind: flat}, grid: [9, 0.1], speed: 3}",
         "{title: x, ground: {kind: flat}, grid: [9, 0.1], bodies: {colour: red}}",
         "{title: x, ground: {kind: lava}, grid: [9, 0.1]}",

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import yaml
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Shape, Sphere, shape_from
@@ -19,6 +18,7 @@ from smartmesh_ros.terrain.grid import FloatArray, GridGeometry
 from smartmesh_ros.tools.evaluation.clearance import skin
 from smartmesh_ros.tools.evaluation.distance import Surface
 from smartmesh_ros.tools.evaluation.grounds import make_ground
+from smartmesh_ros.yaml_text import parsed_yaml
 
 FOLDER = Path(__file__).parent / "scenes"
 
@@ -140,7 +140,7 @@ def read_scene(path: Path) -> Scene:
     """Return the scene of a YAML file; raises `InputError` for missing or unknown fields, and for values that cannot
     be."""
     try:
-        loaded = yaml.safe_load(path.read_text())
+        loaded = parsed_yaml(path.read_text())
         bodies = Bodies(**_as_tuples(loaded.pop("bodies", {})))
         found = Scene(name=path.stem, bodies=bodies, **_as_tuples(loaded))
         lengths = (*found.grid, *found.slide, *bodies.size, *bodies.spread, *bodies.velocity)
@@ -148,7 +148,7 @@ def read_scene(path: Path) -> Scene:
         above_zero = 0.0 < found.duration < math.inf and bodies.count > 0
         if not (above_zero and np.isfinite(numbers).all() and "kind" in {**found.ground}):
             raise ValueError("numbers must be finite, duration and count above zero, and the ground has a kind")
-    except (AttributeError, TypeError, OSError, ValueError, yaml.YAMLError) as error:
+    except (AttributeError, TypeError, OSError, ValueError) as error:
         raise InputError("scene", f"{path.name} is no scene such as {FOLDER}/flat.yaml: {error}") from None
     return found
 

@@ -7,7 +7,6 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
 from ament_index_python.packages import get_package_share_directory
 
 from smartmesh_ros.errors import InputError, suggestion
@@ -15,6 +14,7 @@ from smartmesh_ros.node.parameters.declaring import QOS
 from smartmesh_ros.node.parameters.helping import PARAMETERS, mismatch, parameters_by_node, pattern
 from smartmesh_ros.node.parameters.settings import Settings
 from smartmesh_ros.node.parameters.specifications import NAMES, SPECS, settings_from
+from smartmesh_ros.yaml_text import parsed_yaml
 
 PRESETS = ("accurate", "fast", "fleet", "quadruped", "rover")
 NODE = "/terrain_collider"
@@ -50,8 +50,8 @@ def read_file(path: Path, node: str) -> dict[str, Any]:
     """Return the values of a parameter file for ``node`` (full name); raise `InputError` if the file is invalid, or for
     other nodes alone."""
     try:
-        content = yaml.safe_load(path.read_text())
-    except (OSError, ValueError, yaml.YAMLError) as error:
+        content = parsed_yaml(path.read_text())
+    except (OSError, ValueError) as error:
         raise InputError("file", f"{path} is no parameter file: {error}") from None
     found: dict[str, Any] = {}
     for name, values in parameters_by_node(content):
@@ -81,6 +81,6 @@ def single_value(text: str) -> tuple[str, Any]:
     if not mark:
         raise InputError("parameter", f"-p {text!r} must be name:=value, as in -p physics.rate:=120.0")
     try:
-        return name, yaml.safe_load(value)
-    except (yaml.YAMLError, ValueError):  # ValueError: it looks like a date, but is none
+        return name, parsed_yaml(value)
+    except InputError:  # as of what looks like a date, but is none
         return name, value

@@ -221,6 +221,7 @@ def test_a_package_that_is_missing_is_named(bag: str, capsys: Any, monkeypatch: 
         (["-p", "physics.rat:=100"], "did you mean 'physics.rate'?"),
         (["-p", "physics.rate:=fast"], "physics.rate is 'fast'"),
         (["-p", "physics.rate:=2024-13-01"], "physics.rate is '2024-13-01'"),
+        (["-p", "physics.rate:=!!bool x"], "physics.rate is '!!bool x'"),
         (["--params-file", "missing.yaml"], "missing.yaml is no parameter file"),
         (["--until", "-1"], "--until is -1"),
         (["--topics", "a b"], "topic name '~/a b' is invalid: topic name must not contain characters other than"),
