@@ -23,8 +23,8 @@ class CarriedDecks {
 
   // Gives the decks that are carried the pose and the velocity of their carriers now.
   void move();
-  // Notes the decks that the body in a slot, inside some bounds, comes near to in the step; returns by how much they
-  // may move [m], negative if there is none.
+  // Notes the decks that the body in a slot, inside some bounds, comes near to in the step, and keeps it awake if one
+  // moves by given poses. Returns by how much they may move [m], negative if there is none.
   double find_near(Slot& slot, const Bounds& bounds) const;
 
   // Returns what carries a deck in a step and is moved by physics; null if there is nothing.
