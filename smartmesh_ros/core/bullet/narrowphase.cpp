@@ -107,9 +107,8 @@ void Narrowphase::touch_ground(const Slot& slot, const Convex& shape, const Pose
   BodySurface own = surface_of(*slot.object, *slot.ground);
   if (slot.belt.speed != 0.0) own.belt = slot.belt_axis(), own.mass = mass_of(*slot.object);
   const btContactSolverInfo& solver = now_.world.getSolverInfo();
-  find_rows(contacts_, approach, own, {solver.m_erp2, solver.m_linearSlop, solver.m_restitutionVelocityThreshold},
-            rows_);
-  place_in_mid_step(shape, pose, contacts_, approach, rows_);
+  find_rows(shape, pose, contacts_, approach, own,
+            {solver.m_erp2, solver.m_linearSlop, solver.m_restitutionVelocityThreshold}, rows_);
   if (!has_material) return;
   lay_on_foundation(shape, pose, approach, own, contacts_, rows_);
   resist_rolling(contacts_, approach, pull, rows_);

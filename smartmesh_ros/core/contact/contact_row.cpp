@@ -35,10 +35,13 @@ double across_slip(const OldContact* old, double friction, double impact) {
 // solver turns a body back as soon as it would reach the ground within the step, at a distance d above it. From there
 // it must not rise higher than from the ground: v'^2 / 2g + v' dt / 2 + d, in the solver's steps, equals e^2 (v^2 + 2 g
 // d) / 2g.
-double bounce_of(const Contact& contact, const Approach& approach, double restitution, double slowest) {
-  const double closing = -dot(contact.normal, approach.velocity_at(contact)), d = contact.distance;
+double bounce_of(const Contact& contact, const ContactRow& row, const Approach& approach, double restitution,
+                 double slowest) {
+  // The speed at the place of the row, which the solver turns back: that of another place would gain or lose energy.
+  const Vec3 velocity = approach.velocity_at(row.at) + approach.ground - contact.ground.velocity;
+  const double closing = -dot(row.normal, velocity), d = contact.distance;
   if (restitution == 0.0 || closing <= slowest || closing * approach.duration < d) return 0.0;
-  const double g = std::max(0.0, -dot(approach.gravity, contact.normal)), half = 0.5 * g * approach.duration;
+  const double g = std::max(0.0, -dot(approach.gravity, row.normal)), half = 0.5 * g * approach.duration;
   const double e2 = restitution * restitution;
   const double square = half * half + e2 * closing * closing - 2.0 * g * d * (1.0 - e2);
   return square > 0.0 ? std::max(0.0, std::sqrt(square) - half) : 0.0;
@@ -72,47 +75,10 @@ void slide_to_mid_step(const Convex& shape, const Contact& contact, const Approa
     if (dot(normal, n) < 0.0) normal = -normal;
   }
   row.at = at - slid(approach.centre), row.normal = unit(normal);
-  row.speed += dot(row.normal - n, contact.ground.velocity);
 }
 
-ContactRow row_of(const Contact& contact, const Approach& approach, const BodySurface& body, const Correction& solver) {
-  const double dt = approach.duration, stiffness = body.stiffness;
-  ContactRow row;
-  row.at = contact.point, row.normal = contact.normal;
-  const double bounce =
-      bounce_of(contact, approach, body.restitution * contact.material.restitution, solver.slowest_bounce);
-  const double distance = bounce > 0.0 ? std::min(0.0, contact.distance) : contact.distance;
-  // Of a spring, the force is that of its depth and its speed at the end of the step.
-  const double leaves = body.is_soft && distance < 0.0 ? -distance * stiffness / (dt * stiffness + body.damping)
-                                                       : correcting(distance, dt, solver);
-  // What bounces out of the ground needs no push besides: the sum would gain energy.
-  row.speed = dot(contact.normal, contact.ground.velocity) + (bounce > 0.0 ? std::max(bounce, leaves) : leaves);
-  if (body.is_soft) row.softness = 1.0 / (dt * (dt * stiffness + body.damping));
-  row.slide = contact.ground.velocity;
-  if (norm2(body.belt) > 0.0) {
-    row.slide = row.slide + surface_velocity(body.belt, contact.normal);
-    // Rigid contacts may share a load in any way. These share it as equal springs, 0.1 mm deep at 240 Hz.
-    row.softness = std::max(row.softness, 1.0 / body.mass);
-  }
-  row.friction = body.friction;
-  row.friction.sliding *= contact.material.friction;
-  return row;
-}
-
-}  // namespace
-
-void find_rows(const std::vector<Contact>& contacts, const Approach& approach, const BodySurface& body,
-               const Correction& solver, std::vector<ContactRow>& rows) {
-  rows.clear();
-  for (const Contact& contact : contacts) rows.push_back(row_of(contact, approach, body, solver));
-}
-
-Vec3 surface_velocity(const Vec3& belt, const Vec3& normal) {
-  const Vec3 along = cross(belt, normal);
-  const double speed = norm(belt), share = norm(along) / speed;
-  return share > SIDE ? along * (1.0 / share) : Vec3{};
-}
-
+// Moves the places and normals of the rows of a shape at `pose` to those of the middle of the step, relative to its
+// centre there.
 void place_in_mid_step(const Convex& shape, const Pose& pose, const std::vector<Contact>& contacts,
                        const Approach& approach, std::vector<ContactRow>& rows) {
   // The solver takes the velocity of a contact for all of the step: that of the middle is right to second order. A
@@ -134,6 +100,47 @@ void place_in_mid_step(const Convex& shape, const Pose& pose, const std::vector<
     rows[k].at = contact.point + cross(angular, arm);
     rows[k].slide = rows[k].slide - cross(approach.angular, cross(approach.angular - angular, arm));
   }
+}
+
+// Sets what a row in its place brings about along the normal, and the velocity of a belt.
+void set_speeds(const Contact& contact, const Approach& approach, const BodySurface& body, const Correction& solver,
+                ContactRow& row) {
+  const double dt = approach.duration, stiffness = body.stiffness;
+  const double bounce =
+      bounce_of(contact, row, approach, body.restitution * contact.material.restitution, solver.slowest_bounce);
+  const double distance = bounce > 0.0 ? std::min(0.0, contact.distance) : contact.distance;
+  // Of a spring, the force is that of its depth and its speed at the end of the step.
+  const double leaves = body.is_soft && distance < 0.0 ? -distance * stiffness / (dt * stiffness + body.damping)
+                                                       : correcting(distance, dt, solver);
+  // What bounces out of the ground needs no push besides: the sum would gain energy.
+  row.speed = dot(row.normal, contact.ground.velocity) + (bounce > 0.0 ? std::max(bounce, leaves) : leaves);
+  if (body.is_soft) row.softness = 1.0 / (dt * (dt * stiffness + body.damping));
+  if (norm2(body.belt) > 0.0) {
+    row.slide = row.slide + surface_velocity(body.belt, contact.normal);
+    // Rigid contacts may share a load in any way. These share it as equal springs, 0.1 mm deep at 240 Hz.
+    row.softness = std::max(row.softness, 1.0 / body.mass);
+  }
+}
+
+}  // namespace
+
+void find_rows(const Convex& shape, const Pose& pose, const std::vector<Contact>& contacts, const Approach& approach,
+               const BodySurface& body, const Correction& solver, std::vector<ContactRow>& rows) {
+  rows.clear();
+  for (const Contact& contact : contacts) {
+    ContactRow& row = rows.emplace_back();
+    row.at = contact.point, row.normal = contact.normal, row.slide = contact.ground.velocity;
+    row.friction = body.friction;
+    row.friction.sliding *= contact.material.friction;
+  }
+  place_in_mid_step(shape, pose, contacts, approach, rows);
+  for (std::size_t k = 0; k < contacts.size(); ++k) set_speeds(contacts[k], approach, body, solver, rows[k]);
+}
+
+Vec3 surface_velocity(const Vec3& belt, const Vec3& normal) {
+  const Vec3 along = cross(belt, normal);
+  const double speed = norm(belt), share = norm(along) / speed;
+  return share > SIDE ? along * (1.0 / share) : Vec3{};
 }
 
 void resist_rolling(const std::vector<Contact>& contacts, const Approach& approach, const Vec3& pull,

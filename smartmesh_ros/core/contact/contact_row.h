@@ -45,17 +45,13 @@ struct ContactRow {
   Friction friction;
 };
 
-// Finds the rows of the contacts of a body, without their slips.
-void find_rows(const std::vector<Contact>& contacts, const Approach& approach, const BodySurface& body,
-               const Correction& solver, std::vector<ContactRow>& rows);
+// Finds the rows of the contacts of a shape of a body, without their slips: places and normals are those of the middle
+// of the step, relative to the centre there.
+void find_rows(const Convex& shape, const Pose& pose, const std::vector<Contact>& contacts, const Approach& approach,
+               const BodySurface& body, const Correction& solver, std::vector<ContactRow>& rows);
 
 // Returns the velocity of the ground against a belt at a contact: at which the body moves where it does not slip.
 Vec3 surface_velocity(const Vec3& belt, const Vec3& normal);
-
-// Moves the places and normals of the rows of a shape at `pose` to those of the middle of the step, relative to its
-// centre there.
-void place_in_mid_step(const Convex& shape, const Pose& pose, const std::vector<Contact>& contacts,
-                       const Approach& approach, std::vector<ContactRow>& rows);
 
 // Moves the places of the rows of contacts that resist rolling ahead, by the coefficient times the radius, as the
 // middle of the pressures under a wheel does. `pull`: what gravity and applied forces add to the velocity of the body
