@@ -5,6 +5,7 @@ import pytest
 
 from smartmesh_ros import HeightMap
 from smartmesh_ros.core.body_shape import BodyShape
+from tests.bodies import rotation
 from tests.core.contact_cases import contacts_of, random_rotation, wheel
 
 RESOLUTION, DEPTH, MARGIN = 0.05, 1e-4, 1e-3
@@ -61,3 +62,12 @@ def test_no_edge_overlaps_a_shape_by_more_than_its_width(kind: str) -> None:
         if kind == "cylinder":
             normals = np.column_stack([np.hypot(normals[:, 0], normals[:, 1]), 0.0 * normals[:, 0], normals[:, 2]])
         assert np.all(edges[:, 6] > -2.0 * (np.abs(normals) @ half + rounding) - DEPTH), seed
+
+
+def test_an_edge_across_the_inner_corner_of_a_rim_is_touched() -> None:
+    """The edge of a box is 5 mm below the sample in the corner, where an edge of the ground ends at the hole."""
+    heights = np.array([[-0.063, 0.02, 0.026], [0.006, -0.011, 0.046], [-0.005, -0.029, np.nan]])
+    ground = HeightMap(heights, resolution=0.1, origin=(0.5, 0.6))
+    turn = rotation((-0.226327, 0.562851, 0.689046, -0.396472))
+    found = contacts_of(BodyShape.box((0.3, 0.3, 0.3)), ground, turn, (0.49722, 0.737049, 0.174088), MARGIN)
+    assert found[:, 6].min(initial=0.0) == pytest.approx(-0.005, abs=1e-3)

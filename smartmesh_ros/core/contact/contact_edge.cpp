@@ -73,8 +73,12 @@ bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, cons
     const Vec3 deepest = deepest_of(crossing, a, count == 4 ? normals[0] - normals[1] : Vec3{});
     // Beyond the end of the edge, the line may come below the ground where the shape is not.
     if (!(t > 0.0 && t < 1.0) && !is_near(shape, pose, deepest)) return false;
-    double below;
-    if (way_out({deepest, {}, 0.0, 0.0, deepest}, patch, below) < 0) return false;
+    // Where an edge ends in the inner corner of a rim, one of the two may be over the hole.
+    const auto is_in_ground = [&](const Vec3& p) {
+      double below;
+      return way_out({p, {}, 0.0, 0.0, p}, patch, below) >= 0;
+    };
+    if (!is_in_ground(deepest) && !is_in_ground(crossing.at)) return false;
   }
   const auto leaves = [&](const Vec3& normal, double offset) {
     double least = 1e300;
