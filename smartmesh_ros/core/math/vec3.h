@@ -53,6 +53,17 @@ inline Mat3 operator*(const Mat3& a, const Mat3& b) {
   return {{transposed(b, a.row[0]), transposed(b, a.row[1]), transposed(b, a.row[2])}};
 }
 
+inline Mat3 operator*(const Mat3& m, double factor) {
+  return {{m.row[0] * factor, m.row[1] * factor, m.row[2] * factor}};
+}
+
+// Returns the solution of a system of equations with a symmetric matrix.
+inline Vec3 solve(const Mat3& m, const Vec3& right) {
+  const auto& [a, b, c] = m.row;
+  const Vec3 ab = cross(a, b), bc = cross(b, c), ca = cross(c, a);
+  return (bc * right.x + ca * right.y + ab * right.z) * (1.0 / dot(a, bc));
+}
+
 // Pose of a frame in another: `rotation` and `at` of its axes and its origin there.
 struct Pose {
   Mat3 rotation;

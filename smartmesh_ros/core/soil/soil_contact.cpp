@@ -30,15 +30,6 @@ double pressing(const Vec3& normal) { return std::max(normal.z, LEAST_VERTICAL);
 // Returns true if a part rolls: here it turns about its own axis alone, and its quarters go down by themselves.
 bool rolls(const Solid& solid) { return solid.shape->kind == ShapeKind::Ball || lies(solid); }
 
-Mat3 scaled(const Mat3& m, double factor) { return {{m.row[0] * factor, m.row[1] * factor, m.row[2] * factor}}; }
-
-// Returns the solution of a system of equations with a symmetric matrix.
-Vec3 solve(const Mat3& m, const Vec3& right) {
-  const auto& [a, b, c] = m.row;
-  const Vec3 ab = cross(a, b), bc = cross(b, c), ca = cross(c, a);
-  return (bc * right.x + ca * right.y + ab * right.z) * (1.0 / dot(a, bc));
-}
-
 // Returns the point of a round surface at the mean of some of its points: the speed of a rim decides which way a wheel
 // without slip is held.
 Vec3 on_surface(const Underside& shape, const Vec3& mean) {
@@ -63,8 +54,9 @@ Mat3 inertia_of(const Solid& solid, double mass) {
 
 // Fills `under_` with the samples that a part whose rim slips reaches if it goes down by `deepest` [m]; zero = all
 // whose level it is below, also those that have sunk away from it; then it makes room where soil was met from the side.
+// `to_come`: the tilts and the heave of this step that `placed` lacks.
 void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, const MovingSolid& moving, double slip,
-                           double deepest, const SoilStep& step) {
+                           double deepest, const Vec3& to_come, const SoilStep& step) {
   under_.clear();
   const CellRange all = samples_around(soil, placed, half_extent(placed.shape, 0), half_extent(placed.shape, 1));
   if (all.empty()) return;
@@ -84,7 +76,10 @@ void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, const Mo
   row_.x.resize(static_cast<std::size_t>(right - left));
   for (int c = left; c < right; ++c) row_.x[c - left] = (c - placed.column) * spacing;
   const Vec3 linear = placed.to_grid(moving.linear), angular = placed.to_grid(moving.angular);
-  const bool is_level = stands_level(placed.shape);  // then its upright faces do not lift it off samples on their edges
+  const bool is_level = placed.shape.is_level;  // then its upright faces do not lift it off samples on their edges
+  // A round part passes a sample at the speed of its rim half a step ago: that is right to second order.
+  const bool is_round = rolls(placed.shape.solid);
+  const Vec3 half_way = is_round ? Vec3{linear.x, linear.y, 0.0} * (0.5 * step.dt) : Vec3{};
   for (int r = top; r < bottom; ++r) {
     row_.y = (r - placed.row) * spacing;
     look_up(placed.shape, row_), look_up_exact(placed.shape, row_, exact_);
@@ -100,20 +95,22 @@ void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, const Mo
       const Vec3 normal = placed.normal(offset, is_beside);
       const LoadedSoil& own = soils_[soil.kind(r, c)];
       const double loaded = sample.step >= step.last ? sample.pressure : 0.0;
-      const double parting = dot(linear + cross(angular, offset), normal);
-      const bool leaves = parting > 0.0;
+      const Vec3 lever = lever_at(offset, normal) * (1.0 / pressing(normal));
+      const Vec3 passing = offset + half_way, facing = is_round ? placed.normal(passing, false) : normal;
+      const double rise = dot(linear + cross(angular, passing), facing) / pressing(facing) * step.dt;
       // The part was not above this sample in the last step, and did not go down as far as the soil stands above it: it
       // met a wall higher than itself from the side. Nobody pressed that soil, so it bears nothing and makes room.
-      const double down = std::max(0.0, -parting) / pressing(normal) * step.dt;
-      if (sample.step < step.last && sample.level - sample.yield.plastic > placed.z - placed.lowest + down) {
+      const double top = placed.z - placed.lowest + std::max(0.0, -rise);
+      if (sample.step < step.last && sample.level - sample.yield.plastic > top) {
         if (deepest > 0.0) continue;
         sample.yield.plastic = sample.level - (placed.z + low);
         soil.note(r, c);
         continue;
       }
-      under_.push_back({&sample, &own, r, c, offset, normal, lever_at(offset, normal) * (1.0 / pressing(normal)),
-                        placed.z + low, sample.level - sample.yield.plastic - loaded / own.elastic,
-                        row_.share[k] * spacing * spacing, leaves});
+      const double before = placed.z + low - rise + dot(lever, to_come);
+      const double surface = sample.level - sample.yield.plastic - loaded / own.elastic;
+      const double area = row_.share[k] * spacing * spacing;
+      under_.push_back({&sample, &own, r, c, offset, normal, lever, placed.z + low, before, surface, area, rise > 0.0});
     }
   }
 }
@@ -135,13 +132,14 @@ void SoilUnderBody::damp_critically(double mass, double dt) {
   for (LoadedSoil& soil : soils_) soil.drag += 2.0 * std::sqrt(force / deepest * mass) / (area * dt);
 }
 
-// Sets the loads of the samples for a part that went some way.
+// Sets the loads of the samples for a part that went some way. Soil that a part entered from the side has not come down
+// with it, so that is no speed that damps.
 void SoilUnderBody::load(const Vec3& way) {
   for (Under& under : under_) {
     const double height = under.low + dot(under.lever, way), sinkage = under.sinkage_at(height);
     const Yield& before = under.sample->yield;
     under.pressure = pressure_at(sinkage, before, *under.soil);
-    const double drag = under.soil->drag * (under.surface - height);
+    const double drag = under.soil->drag * (std::min(under.before, under.surface) - height);
     under.total = under.pressure > 0.0 ? std::max(0.0, under.pressure + drag) : 0.0;
     under.stiffness = 0.0;
     if (under.total > 0.0)
@@ -239,9 +237,9 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
   const Vec3 free = (velocity + solve(inertia, placed.to_grid(carried.load)) * step.dt) * step.dt;
   const double reach = placed.shape.solid.shape->extent({1.0, 1.0, 1.0});
   gather(soil, placed, moving, rim.slip(), std::max(0.0, -free.z) + (std::abs(free.x) + std::abs(free.y)) * reach,
-         step);
+         velocity * step.dt, step);
   if (carried.is_set_down) damp_critically(carried.mass, step.dt);
-  const Vec3 way = settle(scaled(inertia, 1.0 / (step.dt * step.dt)), free, velocity * step.dt, reach);
+  const Vec3 way = settle(inertia * (1.0 / (step.dt * step.dt)), free, velocity * step.dt, reach);
   Quarter quarters[4];
   if (!find_quarters(placed, rim, then, step.dt, quarters)) return springs_;
   for (const Quarter& quarter : quarters) {
@@ -259,7 +257,7 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
 
 SoilSums SoilUnderBody::press(SoilLattice& soil, const MovingSolid& moving, ShearedRim& rim, const SoilStep& step) {
   const PlacedPart placed = place_above(soil, moving.solid, step.time);
-  gather(soil, placed, moving, rim.slip(), 0.0, step);
+  gather(soil, placed, moving, rim.slip(), 0.0, {}, step);
   load({});
   SoilSums sums;
   points_ = {{}, {}, soil.spacing(), placed.to_world({1.0, 0.0, 0.0})};
@@ -282,7 +280,7 @@ SoilSums SoilUnderBody::press(SoilLattice& soil, const MovingSolid& moving, Shea
 
 void SoilUnderBody::make_room(SoilLattice& soil, const MovingSolid& moving, const SoilStep& step) {
   const PlacedPart placed = place_above(soil, moving.solid, step.time);
-  gather(soil, placed, moving, 0.0, 0.0, step);
+  gather(soil, placed, moving, 0.0, 0.0, {}, step);
   for (const Under& under : under_) {
     FineSample& sample = *under.sample;
     const double sinkage = sample.level - under.low;

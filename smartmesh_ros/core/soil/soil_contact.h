@@ -65,27 +65,31 @@ class SoilUnderBody {
 
  private:
   // A sample under the part, or beside its edge. `offset` [m]: of the underside from its middle, in axes of the grid.
-  // Heights [m] without the map's z: of the underside `low`, and of the ground at the start of the step `surface`.
-  // `leaves`: the underside rises there.
+  // Heights [m] without the map's z: of the underside `low`, and at the start of the step that of the underside
+  // `before` and of the ground `surface`. Where the underside was below the ground it came there sideways, behind an
+  // edge that slid. `leaves`: the underside rises there.
   struct Under {
     FineSample* sample;
     const LoadedSoil* soil;
     int row, column;
     Vec3 offset, normal, lever;
-    double low, surface, area;
+    double low, before, surface, area;
     bool leaves;
     double pressure = 0.0, total = 0.0, stiffness = 0.0;
     int quarter = 0;
 
     bool carries() const { return total > 0.0 && area > 0.0; }
-    // Returns the sinkage under an underside at a height [m]. One that leaves does not press the soil further: it came
-    // there sideways, behind an edge that slid.
-    double sinkage_at(double height) const { return sample->level - (leaves ? std::max(height, surface) : height); }
+    // Returns the sinkage under an underside at a height [m]. One that leaves presses the soil no further than it was
+    // pressed before, and lets it rise as it does.
+    double sinkage_at(double height) const {
+      if (!leaves) return sample->level - height;
+      return sample->level - std::max(before, surface) - std::max(0.0, height - before);
+    }
   };
   struct Quarter;
 
   void gather(SoilLattice& soil, const PlacedPart& placed, const MovingSolid& moving, double slip, double deepest,
-              const SoilStep& step);
+              const Vec3& to_come, const SoilStep& step);
   void damp_critically(double mass, double dt);
   void load(const Vec3& way);
   Vec3 settle(const Mat3& inertia, const Vec3& free, const Vec3& start, double reach);

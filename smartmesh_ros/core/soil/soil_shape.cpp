@@ -102,7 +102,10 @@ Underside underside(const Solid& solid, double spacing, const Vec3& normal) {
   const Shape& own = *solid.shape;
   const Vec3 faces = facing(normal, solid.axes.row);
   const int sole = sole_of(own.kind, faces, normal.z);
-  Underside shape{solid, own.kind, {own.half.x, own.half.y, own.half.z}, spacing, sole};
+  const Vec3& up = solid.axes.row[sole];
+  const double cosine = most(std::abs(up.z), std::abs(dot(normal, up)));
+  const bool is_level = (own.kind == ShapeKind::Box || sole == 2) && 1.0 - cosine * cosine < STEEP * STEEP;
+  Underside shape{solid, own.kind, {own.half.x, own.half.y, own.half.z}, spacing, sole, is_level};
   const bool is_cylinder = own.kind == ShapeKind::Cylinder, stands = shape.upright == 2;
   for (int k = 0; k < 3; ++k) {
     const Vec3& axis = shape.axis(k);
@@ -205,11 +208,6 @@ double half_extent(const Underside& shape, int along) {
     for (int k = 0; k < 3; ++k)
       if (k != shape.upright) found += shape.margin[k] * std::abs(component(shape.axis(k), along));
   return found;
-}
-
-bool stands_level(const Underside& shape) {
-  const double cosine = shape.axis(shape.upright).z;
-  return (shape.kind == ShapeKind::Box || shape.upright == 2) && 1.0 - cosine * cosine < STEEP * STEEP;
 }
 
 bool lies(const Solid& solid) {

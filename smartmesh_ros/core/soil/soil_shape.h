@@ -18,6 +18,7 @@ struct Underside {
   double half[3];    // half lengths of a box along its own axes; else radius, radius, half height [m]
   double spacing;    // of the samples [m]
   int upright;       // its axis whose face is on the ground
+  bool is_level;     // a box, or a standing cylinder, whose sides are upright, or across the ground
   double margin[3];  // farthest distance along an axis of a corner of a cell that the shape's edge touches [m]
   double grown[3];   // half lengths with the margins of flat faces [m]
   Vec3 lowest;       // middle of the face that is on the ground, or of the line of a lying cylinder [m]
@@ -60,9 +61,6 @@ double contact_width(const Underside& shape);
 
 // Returns half the length of the rectangle around all places with an underside [m].
 double half_extent(const Underside& shape, int along);
-
-// Returns true if a box, or a standing cylinder, leans by so little that its sides are upright.
-bool stands_level(const Underside& shape);
 
 // Returns true if a cylinder or capsule lies on its side, so that it rolls about its own axis 2.
 bool lies(const Solid& solid);
