@@ -159,6 +159,7 @@ class Collider:
     def start_episode(self, seed: int) -> None:
         """Begins an episode: everything is as at the start, and whatever is random by the ``seed``."""
         self.session.world.reset(seed)
+        self._decks.take_restored()
         self._forget_stamps()
         self.initial.restore()
         self.session.lost.clear()

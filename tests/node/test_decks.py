@@ -7,6 +7,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import Odometry
 from smartmesh_msgs.msg import HeightmapUpdate
+from smartmesh_msgs.srv import RestoreState, SaveState, StartEpisode
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros import BodyState, Box, InputError
@@ -116,3 +117,24 @@ def test_maps_in_the_frame_of_a_deck_are_its_maps_and_a_reset_keeps_them() -> No
         node.node.reset()
         sail(3.0)
         assert node.heights(0.0, 0.0) == pytest.approx(3.5)
+
+
+def test_a_deck_that_came_after_the_start_is_told_of_once_it_comes_again() -> None:
+    """An episode begins, and a state of before the deck is restored, without it."""
+    with fed({"decks": [BARGE], "frame_id": "map"}) as node:
+
+        def tell() -> str:
+            return str(node.node._outputs._diagnostics._terrain()[1])
+
+        node.give("heightmap", heightmap_message(FLAT, resolution=0.25, origin=ORIGIN))
+        state = node.call("save_state", SaveState.Request()).state
+        node.give("heightmap", heightmap_message(FLAT, resolution=0.25, origin=ORIGIN, tile="barge", frame_id=""))
+        for service, request in (
+            ("start_episode", StartEpisode.Request()), ("restore_state", RestoreState.Request(state=state)),
+        ):  # fmt: skip
+            for height in (1.0, 2.0):
+                node.give("/barge/odom", stamped(node, odometry_message(10.0, height, 0.0)), steps=1)
+                assert node.heights(10.0, 0.0) == pytest.approx(height)
+            assert node.call(service, request).success
+            assert "barge" not in node.world.terrain.decks
+            assert tell() == "maps arrive"

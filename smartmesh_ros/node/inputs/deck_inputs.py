@@ -55,9 +55,10 @@ class DeckInputs:
         self.take_restored()
 
     def take_restored(self) -> None:
-        """Moves the decks that the terrain has under the names of the entries from now on."""
-        world = self._session.world
+        """Moves the decks that the terrain has under the names of the entries from now on. Others have no pose yet."""
+        session, world = self._session, self._session.world
         self.decks = {name: world.terrain.decks.get(name, deck) for name, deck in self.decks.items()}
+        session.deck_times = {name: heard for name, heard in session.deck_times.items() if name in world.terrain.decks}
         for name, entry in self._entries.items():
             if entry.source == "body":
                 world.carry(name, Carrier(entry.name, entry.link, entry.at, entry.orientation))
