@@ -93,7 +93,7 @@ class BulletCalls:
         """Return the state of a body (``link`` = -1) or of a robot's link (13,), as `states` does."""
         if link < 0:
             return np.asarray(self.states([body])[0])
-        found = pb.getLinkState(body, link, 1, 0, self._client)
+        found = pb.getLinkState(body, link, 1, 1, self._client)  # else the pose would be that before the last step
         return np.array([*found[0], *found[1], *found[6], *found[7]])
 
 

@@ -159,9 +159,8 @@ class Collider:
     def start_episode(self, seed: int) -> None:
         """Begins an episode: everything is as at the start, and whatever is random by the ``seed``."""
         self.session.world.reset(seed)
-        self._forget_stamps()
+        self.take_restored()
         self.initial.restore()
-        self.session.lost.clear()
 
     def set_scene(self, raster: Raster | None, entries: Mapping[str, Entry]) -> None:
         """Replaces all ground (None = by nothing) and bodies, at time zero and paused. Topics go on from there."""

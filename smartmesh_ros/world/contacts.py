@@ -52,8 +52,8 @@ def ground_contacts(client: Any, ground: Ground) -> list[GroundContact]:
 
 @dataclass(frozen=True)
 class GroundWrench:
-    """Force [N], and torque [Nm] about the centre of mass [m], of the ground on a body or link; all (3,) in the
-    terrain's frame."""
+    """Force [N], and torque [Nm] about the centre of mass, of the ground on a body or link in a step. ``centre``
+    [m]: of mass, after the step. All (3,) are in the terrain's frame."""
 
     body: str
     centre: FloatArray
@@ -61,29 +61,30 @@ class GroundWrench:
     torque: FloatArray
 
 
-def wrenches_of_step(client: Any, ground: Ground) -> list[GroundWrench]:
-    """Return the wrenches of the last step on the bodies that this world simulates; for sleeping bodies, of the step
-    before they fell asleep, whose contacts PyBullet keeps.
+def wrenches_of_step(client: Any, ground: Ground, dt: float) -> list[GroundWrench]:
+    """Return the wrenches of the last step, of ``dt`` [s], on the bodies that this world simulates; for sleeping
+    bodies, of the step before they fell asleep, whose contacts PyBullet keeps.
 
     Rolling and spinning friction, which URDFs may ask for, are not included.
     """
     found: list[GroundWrench] = []
-    of_colliders: dict[int, GroundWrench] = {}
+    of_colliders: dict[int, tuple[GroundWrench, FloatArray]] = {}  # and the centre where the contacts are
     calls = BulletCalls(client)
     for follower in ground.followers:
         if follower.solid and not follower.remote:
-            centre = calls.state(follower.body, follower.link)[:3]
-            wrench = GroundWrench(follower.name, centre, np.zeros(3), np.zeros(3))
+            state = calls.state(follower.body, follower.link)
+            wrench = GroundWrench(follower.name, state[:3], np.zeros(3), np.zeros(3))
             found.append(wrench)
-            if follower.collider is not None:
-                of_colliders[follower.collider] = wrench
+            if follower.collider is not None:  # contacts are where they were before the step
+                of_colliders[follower.collider] = wrench, state[:3] - dt * state[7:10]
     for point in client.getContactPoints():
         # PyBullet reports the forces on the first of the two bodies.
         first, second = of_colliders.get(point[2]), of_colliders.get(point[1])
         touched, sign, position = (first, 1.0, point[5]) if first is not None else (second, -1.0, point[6])
         if touched is None:
             continue
+        wrench, centre = touched
         force = sign * (np.array([point[9], point[10], point[12]]) @ np.array([point[7], point[11], point[13]]))
-        touched.force[:] += force
-        touched.torque[:] += np.cross(np.array(position) - touched.centre, force)
+        wrench.force[:] += force
+        wrench.torque[:] += np.cross(np.array(position) - centre, force)
     return found

@@ -215,7 +215,9 @@ class SavedWorld(Population):
         self.terrain.become(copy.deepcopy(self._first))
         if (soil := self.ground.soil) is not None and self.terrain.tiles.get(tile) is soil.map:
             soil.become(self.terrain, {**soil.state(), "memory": None}, tile)
-        self.ground.set_soil(soil)
+            self.ground.set_soil(soil)
+        else:
+            self.ground.set_soil(None)
 
     def _own_bodies(self) -> list[Body]:
         """The bodies of this world, without remote ones."""

@@ -170,7 +170,7 @@ class World(SavedWorld):
 
     def wrenches(self) -> list[GroundWrench]:
         """Return the wrench of the ground in the last step on each simulated body and link that can touch it."""
-        return wrenches_of_step(self.client, self.ground)
+        return wrenches_of_step(self.client, self.ground, self.dt)
 
     def height_scan(self, names: str | Sequence[str], scan: HeightScan) -> FloatArray:
         """Return the values (n, k) of a scan of the ground around n bodies now, of a robot around the frame of its base

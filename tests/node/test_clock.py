@@ -10,6 +10,7 @@ import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
+from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from smartmesh_msgs.msg import Heightmap, TrackedBody, TrackedBodyArray
 from std_srvs.srv import SetBool
@@ -218,6 +219,21 @@ def test_stamps_are_of_another_clock_once_the_node_publishes_its_own() -> None:
             node.give("/tf", TFMessage(transforms=[cart]))
             assert "cart" in node.world.bodies
         assert not node.node.refusals.counts
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_own_frames_that_arrive_after_the_clock_was_set_back_are_no_fault_of_a_source(own: bool) -> None:
+    with fed({"publish.tf": 50.0, "frame_id": "map"}) as node:
+        node.run(1)  # subscribes
+        for time in (158.0, 10.0):
+            link = transform_message(node, "map", "link")
+            link.header.stamp = stamp_of(time)
+            message = TFMessage(transforms=[link])
+            if own:
+                node.node._transforms.note_own(serialize_message(message))
+            node.give("/tf", message)
+        assert node.node._transforms.is_own("link") == own
+        assert node.node.refusals.counts["/tf: stamp_backwards"] == (not own)
 
 
 def test_the_node_is_silent_while_another_publishes_the_clock(shared: Probe, log: Log) -> None:

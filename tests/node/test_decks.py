@@ -1,12 +1,14 @@
 """Decks over ROS: their frames come by TF, odometry and bodies, their maps on the usual topics."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import Odometry
 from smartmesh_msgs.msg import HeightmapUpdate
+from smartmesh_msgs.srv import RestoreState, SaveState, SpawnBody, StartEpisode
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros import BodyState, Box, InputError
@@ -14,7 +16,8 @@ from smartmesh_ros.node.outputs.cdr import floats
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.testing import heightmap_message, mesh_message, pose_message
 from tests.core import mesh_parts
-from tests.node.shared import fed, stamped, transform_message
+from tests.node.shared import Logged, fed, stamped, transform_message
+from tests.urdfs import ROVER
 
 FERRY = "{deck: ferry, frame: ferry/base_link, thickness: 0.5, at: [0, 0, 0.5]}"
 BARGE = "{deck: barge, odometry: /barge/odom, thickness: 0.5}"
@@ -116,3 +119,50 @@ def test_maps_in_the_frame_of_a_deck_are_its_maps_and_a_reset_keeps_them() -> No
         node.node.reset()
         sail(3.0)
         assert node.heights(0.0, 0.0) == pytest.approx(3.5)
+
+
+def test_a_body_without_the_link_that_carries_a_deck_hinders_no_call(logged: Logged) -> None:
+    with fed({"decks": ["{deck: bed, body: truck, link: trailer}"], "frame_id": "map"}) as node:
+        node.give("heightmap", heightmap_message(FLAT, resolution=0.25, origin=ORIGIN))
+        rover = Path(ROVER).read_text()
+        assert node.call("spawn_body", SpawnBody.Request(id="truck", urdf=rover, on_ground=True)).success
+        saved = node.call("save_state", SaveState.Request())
+        assert saved.success, saved.message
+        for service, request in (
+            ("restore_state", RestoreState.Request(state=saved.state)), ("start_episode", StartEpisode.Request()),
+        ):  # fmt: skip
+            answer = node.call(service, request)
+            assert answer.success, answer.message
+        assert "decks refused: 'truck' has no link 'trailer'" in logged()
+
+
+def test_an_episode_begins_without_the_soil_of_a_map_that_came_later() -> None:
+    with fed({"soil.type": ["dry_sand"], "frame_id": "map"}) as node:
+        node.give("heightmap", heightmap_message(FLAT, resolution=0.25, origin=(9.0, 0.0, 0.0), tile="east"))
+        for _ in range(2):
+            node.give("heightmap", heightmap_message(FLAT, resolution=0.25, origin=ORIGIN))
+            assert node.world.ground.soil is not None
+            answer = node.call("start_episode", StartEpisode.Request())
+            assert answer.success, answer.message
+            assert node.world.ground.soil is None and node.world.terrain.tiles.keys() == {"east"}
+
+
+def test_a_deck_that_came_after_the_start_is_told_of_once_it_comes_again() -> None:
+    """An episode begins, and a state of before the deck is restored, without it."""
+    with fed({"decks": [BARGE], "frame_id": "map"}) as node:
+
+        def tell() -> str:
+            return str(node.node._outputs._diagnostics._terrain()[1])
+
+        node.give("heightmap", heightmap_message(FLAT, resolution=0.25, origin=ORIGIN))
+        state = node.call("save_state", SaveState.Request()).state
+        node.give("heightmap", heightmap_message(FLAT, resolution=0.25, origin=ORIGIN, tile="barge", frame_id=""))
+        for service, request in (
+            ("start_episode", StartEpisode.Request()), ("restore_state", RestoreState.Request(state=state)),
+        ):  # fmt: skip
+            for height in (1.0, 2.0):
+                node.give("/barge/odom", stamped(node, odometry_message(10.0, height, 0.0)), steps=1)
+                assert node.heights(10.0, 0.0) == pytest.approx(height)
+            assert node.call(service, request).success
+            assert "barge" not in node.world.terrain.decks
+            assert tell() == "maps arrive"

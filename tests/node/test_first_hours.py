@@ -11,7 +11,8 @@ from std_srvs.srv import Trigger
 from smartmesh_ros import BodyState, Sphere
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import floats, heightmap_message, pose_message
-from tests.node.shared import BALL, fed, on_level, told
+from tests.node.shared import BALL, Logged, fed, on_level, told
+from tests.urdfs import ROVER
 
 HOLES = heightmap_message(np.full((30, 30), np.nan))
 
@@ -41,6 +42,22 @@ def test_a_body_whose_start_no_map_covers_is_named_until_one_does() -> None:
         run.run(4.0)
         assert "no ground" not in told(run, "bodies")["message"]
         assert run.world.bodies.keys() == {"ball"}
+
+
+def test_the_log_names_who_cannot_start_at_the_rim_of_the_ground(logged: Logged) -> None:
+    """The robot of a description has no entry in bodies.spawn."""
+    start = {"robot.description": ROVER, "robot.start": ["{id: tug, xy: [0.0, 0.0], clearance: 0.1}"]}
+    with fed(
+        {**start, "bodies.spawn": ["{id: wide, shape: box, size: [9, 9, 1], xy: [2, 2], clearance: 0.1}"]}
+    ) as node:
+        node.give("heightmap", heightmap_message(np.zeros((30, 30))))
+        while node.node.turn():
+            pass
+        said = logged()
+        for name in ("tug", "wide"):
+            assert node.node.refusals.counts[f"start of {name!r}: no_ground"] == 1
+            assert f"start of {name!r} refused: there is no ground at" in said
+        assert node.node.initial.waiting.keys() == {"tug", "wide"}
 
 
 def test_of_lost_bodies_the_last_ones_and_those_of_the_scene_are_known_and_these_come_back_at_a_reset() -> None:

@@ -18,12 +18,14 @@ from smartmesh_ros import (
     HeightScanner,
     Imu,
     InputError,
+    JointCommand,
     PhysicsConfig,
     World,
     WorldConfig,
 )
 from smartmesh_ros.ground.shapes import Box, Hull, Sphere
 from smartmesh_ros.node.inputs.tracking import Tracking
+from smartmesh_ros.world.link_frames import LinkFrames
 from tests import urdfs
 from tests.grounds import level, moving
 
@@ -216,7 +218,7 @@ def test_robots_come_from_paths_and_seeds_and_radii_from_numpy() -> None:
 def test_contacts_and_wrenches_are_the_same_whichever_body_bullet_names_first(
     world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    world.spawn("crate", Box(0.3, 0.3, 0.2), 2.0, BodyState((0.5, 0.0, 0.1), linear=(1.0, -0.5, 0.0)))
+    world.spawn("crate", Box(0.3, 0.3, 0.2), 2.0, BodyState((0.5, 0.0, 0.1), (0, 0, 0, 1), (1.0, -0.5, 0.0), (0, 0, 5)))
     world.step(10)
     (wrench,), contacts, points = world.wrenches(), world.contacts(), world.client.getContactPoints()
     assert np.all(np.abs(wrench.force) > 1.0) and np.any(np.abs(wrench.torque) > 0.05)
@@ -228,3 +230,38 @@ def test_contacts_and_wrenches_are_the_same_whichever_body_bullet_names_first(
     (found,) = world.wrenches()
     assert np.allclose([found.force, found.torque], [wrench.force, wrench.torque], rtol=0.0, atol=1e-12)
     assert world.contacts() == contacts
+
+
+def test_a_ball_that_rolls_freely_meets_no_torque() -> None:
+    with World(level()) as world:
+        world.spawn(
+            "ball", Sphere(0.3), 10.0, BodyState((0.0, 0.0, 0.3), linear=(2.0, 0.0, 0.0), angular=(0, 2 / 0.3, 0))
+        )
+        world.step(10)
+        (wrench,) = world.wrenches()
+        assert world.state("ball").linear == pytest.approx((2.0, 0.0, 0.0), abs=1e-9)
+        assert wrench.force == pytest.approx((0.0, 0.0, 98.1), abs=1e-6)
+        assert wrench.torque == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
+
+
+def test_wrenches_are_at_the_links_and_change_nothing_whoever_reads_them() -> None:
+    with World(level()) as world, World(level()) as unread:
+        for each in (world, unread):
+            each.spawn_robot("rover", urdfs.ROVER, on_ground=True)
+            for joint in each.joints("rover"):
+                each.command("rover", joint.name, JointCommand(velocity=10.0))
+            each.step(100)
+        for _ in range(20):
+            for each in (world, unread):
+                each.step()
+            wrenches, uid = world.wrenches(), world.bodies["rover"].uid
+            links = LinkFrames(world.client, uid)
+            root = world.base_state("rover")
+            assert math.hypot(*root.linear) > 0.5
+            joints = {index: world.client.getJointState(uid, index)[:2] for index in range(len(links.axes))}
+            frames = dict(zip([link.name for link in links.rest], links.states(root, joints), strict=True))
+            for wrench in wrenches:
+                link = wrench.body.removeprefix("rover/")
+                if link.endswith("wheel"):
+                    assert wrench.centre == pytest.approx(frames[link].position, abs=1e-9), link
+        assert world.state("rover") == unread.state("rover") and world.joints("rover") == unread.joints("rover")

@@ -52,15 +52,23 @@ class DeckInputs:
             if entry.source == "odometry":
                 with naming(SOURCE):
                     session.listen(Odometry, entry.name, partial(self._on_odometry, name), BEST_EFFORT, private=False)
-        self.take_restored()
+            self._carry(name)
 
     def take_restored(self) -> None:
-        """Moves the decks that the terrain has under the names of the entries from now on."""
-        world = self._session.world
+        """Moves the decks that the terrain has under the names of the entries from now on. Others have no pose yet.
+        Counts and logs which body lacks the link that is to carry a deck."""
+        session, world = self._session, self._session.world
         self.decks = {name: world.terrain.decks.get(name, deck) for name, deck in self.decks.items()}
-        for name, entry in self._entries.items():
-            if entry.source == "body":
-                world.carry(name, Carrier(entry.name, entry.link, entry.at, entry.orientation))
+        session.deck_times = {name: heard for name, heard in session.deck_times.items() if name in world.terrain.decks}
+        for name in self._entries:
+            with session.enduring(SOURCE):
+                self._carry(name)
+
+    def _carry(self, name: str) -> None:
+        """Let the body of a deck's entry carry the deck. Raises `InputError` if it lacks the link."""
+        entry = self._entries[name]
+        if entry.source == "body":
+            self._session.world.carry(name, Carrier(entry.name, entry.link, entry.at, entry.orientation))
 
     def target(self, start: Stamped) -> Target:
         """Return where a terrain message belongs: to the deck that its tile names, alone or before a slash, or whose

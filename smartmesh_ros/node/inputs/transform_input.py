@@ -152,7 +152,7 @@ class TransformInput:
                     self._own.add(child)
                 else:
                     self._others[child] = max(now, self._others.get(child, now))
-                if back:
+                if back and not own:  # else this node's clock was set back
                     words = f"transforms of {child!r} before this one were dropped: its stamp is {back:.3f} s older"
                     cause = "as if the clock of its source was set back or a recording started over"
                     raise InputError("stamp_backwards", f"{words}, {cause}")

@@ -112,7 +112,7 @@ class InitialBodies:
             try:
                 again = not self._spawn(entry)
             except REFUSED as error:
-                self._session.refusals.add("bodies.spawn", error)
+                self._session.refusals.add(f"start of {entry.name!r}", error)
                 self.refused[entry.name] = str(error)
                 again = not isinstance(error, InputError) or error.reason == "no_ground"
             del self.waiting[entry.name]
