@@ -24,6 +24,11 @@ def listed(words: Sequence[str], most: int = 5, between: str = ", ") -> str:
     return between.join([*words[:most], *more])
 
 
+def counted(count: int, one: str = "body", many: str = "bodies") -> str:
+    """Return a number of things as text."""
+    return f"{count} {one if count == 1 else many}"
+
+
 def is_number(value: object) -> TypeGuard[float]:
     """Return True if a value is a real number of Python or NumPy that fits a float, and no truth value."""
     real = isinstance(value, Real) and not isinstance(value, bool)

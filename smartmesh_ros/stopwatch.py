@@ -3,9 +3,11 @@
 from collections import deque
 from collections.abc import Callable
 from time import perf_counter
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
+
+from smartmesh_ros.errors import require
 
 # Stages in pipeline order. "total": a whole step without ingest and publish.
 STAGES = ("ingest", "search", "collect", "step", "publish", "total")
@@ -55,6 +57,13 @@ class Stopwatch:
 
     def __init__(self, stages: tuple[str, ...] = STAGES, now: Callable[[], float] = perf_counter) -> None:
         self._stages = {stage: _Stage(now) for stage in stages}
+
+    @classmethod
+    def of(cls, given: Self | None) -> Self:
+        """Return a stopwatch, a new one for None. Raises `InputError` if it is none."""
+        it = cls() if given is None else given
+        require(isinstance(it, cls), "parameter", "the stopwatch", it, "Stopwatch(...), or None for a new one")
+        return it
 
     def stage(self, name: str) -> _Stage:
         """Return the timer of a stage: ``with stopwatch.stage("search"):`` times the block."""

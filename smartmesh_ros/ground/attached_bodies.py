@@ -41,7 +41,7 @@ class AttachedBodies:
         self._client = connected_client(client)
         self._calls = BulletCalls(self._client)
         self._terrain = Terrain.of(terrain)
-        self.stopwatch = stopwatch or Stopwatch()
+        self.stopwatch = Stopwatch.of(stopwatch)
         self.followers = Followers()
         self._soil: Soil | None = None
         self._shown: ShownGround | None = None

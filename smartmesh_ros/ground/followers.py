@@ -30,13 +30,14 @@ class Belt:
 
     def __post_init__(self) -> None:
         axis = tuple(map(as_float, self.axis)) if isinstance(self.axis, Iterable) else ()
-        object.__setattr__(self, "axis", axis)  # to be compared and saved
-        object.__setattr__(self, "speed", as_float(self.speed))
-        length = math.hypot(*self.axis) if len(self.axis) == 3 else math.nan
+        speed = as_float(self.speed)
+        length = math.hypot(*axis) if len(axis) == 3 else math.nan
         good = LEAST_AXIS <= length <= FARTHEST_BODY
         require(good, "surface", "the axis of a surface", self.axis, "three numbers, not all zero")
-        good = abs(self.speed) <= FASTEST  # False for NaN
+        good = abs(speed) <= FASTEST  # False for NaN
         require(good, "non_finite", "the speed of a surface", self.speed, f"finite, to {FASTEST:g} m/s")
+        object.__setattr__(self, "axis", axis)  # to be compared and saved
+        object.__setattr__(self, "speed", speed)
 
 
 @dataclass(eq=False)

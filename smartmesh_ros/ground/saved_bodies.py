@@ -51,8 +51,9 @@ class SavedBodies(AttachedBodies):
         """Put PyBullet's world and the ground into a ``state``, bytes or a file, and return its time [s].
 
         The same bodies must be there, attached in the same order, as after the same script. Tiles that are there take
-        the restored ground in place. Raises `InputError` and changes nothing if the state is none, was damaged, was
-        saved by another version, or has other bodies.
+        the restored ground in place. PyBullet's ``enableFileCaching`` is on from then on, as by default. Raises
+        `InputError` and changes nothing if the state is none, was damaged, was saved by another version, or has other
+        bodies.
         """
         self._require_exact()
         tree = state_file.from_bytes(state_file.read(state), KIND, TYPES)
@@ -176,6 +177,7 @@ def _restore_bullet(client: Any, world: np.ndarray) -> None:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "world.bullet")
         file.write_bytes(world.tobytes())
+        client.setPhysicsEngineParameter(enableFileCaching=0)  # PyBullet would keep each file for ever
         try:
             client.restoreState(fileName=str(file))
         except pb.error as error:
@@ -183,3 +185,5 @@ def _restore_bullet(client: Any, world: np.ndarray) -> None:
                 "state",
                 f"PyBullet cannot restore its part of the state ({error}): it has other bodies than when it was saved",
             ) from None
+        finally:
+            client.setPhysicsEngineParameter(enableFileCaching=1)

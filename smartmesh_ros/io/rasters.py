@@ -7,13 +7,14 @@ Pure functions from arrays to a `Raster`, whose rows run along +y and columns al
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from smartmesh_ros.errors import InputError, as_float, require
+from smartmesh_ros.errors import InputError, as_float, require, require_choice, require_flag
 from smartmesh_ros.terrain.checked_heights import unmasked
 from smartmesh_ros.terrain.grid import GridGeometry, geometry_of
 from smartmesh_ros.terrain.material import MOST_SOILS, Material, require_layer
@@ -65,10 +66,15 @@ class RasterConfig:
         for name in ("scale", "offset"):
             number = getattr(self, name)
             require(math.isfinite(as_float(number)), "parameter", name, number, "a finite number")
-        require(self.first_row in get_args(FirstRow), "parameter", "first_row", self.first_row, "'top' or 'bottom'")
-        good = len(self.origin) == 3 and all(math.isfinite(as_float(number)) for number in self.origin)
+        require_choice(self.first_row, get_args(FirstRow), "parameter", "first_row")
+        require_flag(self.zero_is_hole, "parameter", "zero_is_hole")
+        origin = [*map(as_float, self.origin)] if isinstance(self.origin, Iterable) else []
+        good = len(origin) == 3 and all(map(math.isfinite, origin))
         require(good, "parameter", "the origin", self.origin, "three finite numbers [m]")
-        for entry in self.material_layers:
+        given = self.material_layers
+        good = isinstance(given, tuple | list) and all(isinstance(entry, str) for entry in given)
+        require(good, "layer", "material_layers", given, "a list of texts such as 'friction=slip'")
+        for entry in given:
             require_layer(entry.split("=")[0])
         if len(self.layers) < len(self.material_layers):
             raise InputError("layer", f"the layers of the material are {self.material_layers}; give each once")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.errors import InputError, as_float, is_number
+from smartmesh_ros.errors import InputError, as_float, is_number, require
 
 # Latest time, and earliest below zero [s]: motions over longer times overflow.
 LATEST = 1e12
@@ -52,6 +52,21 @@ def checked_place(row: int, column: int, region: tuple[int, ...], size: tuple[in
             f"whose last sample is row {rows - 1}, column {columns - 1}",
         )
     return row, column
+
+
+def checked_numbers(indices: ArrayLike) -> NDArray[np.int64]:
+    """Return numbers of samples or vertices as int64 of the same shape. Raises `InputError` unless they are whole."""
+    array = unmasked(indices, "indices")
+    if array.dtype.kind not in "iu":
+        raise InputError("type", f"indices are of type {array.dtype}; they must be whole numbers")
+    return np.ascontiguousarray(array, np.int64)
+
+
+def checked_ahead(ahead: float) -> float:
+    """Return the time [s] over which velocities are means; raises `InputError` if it is not above zero."""
+    seconds = as_float(ahead)
+    require(0.0 < seconds <= LATEST, "time", "the time ahead", ahead, f"above zero, up to {LATEST:g} s")
+    return seconds
 
 
 def checked_variance(variance: float | ArrayLike | None, shape: tuple[int, ...]) -> float | NDArray[np.float32] | None:

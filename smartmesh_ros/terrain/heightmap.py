@@ -2,13 +2,22 @@
 
 import dataclasses
 import math
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.terrain.checked_heights import as_points, checked_time, unmasked
+from smartmesh_ros.errors import as_float, require
+from smartmesh_ros.terrain.checked_heights import (
+    LATEST,
+    as_points,
+    checked_ahead,
+    checked_numbers,
+    checked_time,
+    unmasked,
+)
 from smartmesh_ros.terrain.corrections import fuse_across
 from smartmesh_ros.terrain.grid import FloatArray, GridGeometry, IntArray, overlap
 from smartmesh_ros.terrain.grid_track import STILL, RigidMotion, at_rest
@@ -88,12 +97,18 @@ class HeightMap(MovingHeights):
     def slide(self, velocity_w: tuple[float, float], interval: float, spin: float = 0.0) -> None:
         """Set the rigid motion of the map: horizontal velocity of its sample (0, 0) [m/s] and ``spin`` about z [rad/s].
 
-        ``interval`` [s]: expected time between maps.
+        ``interval`` [s]: expected time between maps. Raises `InputError`.
         """
-        motion = RigidMotion(*velocity_w, spin)
+        speeds = [*map(as_float, velocity_w)] if isinstance(velocity_w, Iterable) else []
+        good = len(speeds) == 2 and all(map(math.isfinite, speeds))
+        require(good, "motion", "the velocity of a map", velocity_w, "two finite numbers [m/s]")
+        require(math.isfinite(as_float(spin)), "motion", "the spin of a map", spin, "finite [rad/s]")
+        good = 0.0 < as_float(interval) <= LATEST
+        require(good, "motion", "the interval of maps", interval, f"above zero, up to {LATEST:g} s")
+        motion = RigidMotion(speeds[0], speeds[1], float(spin))
         self.track = at_rest(self.geometry, self.time)
         if motion != STILL:
-            self.track = self.track._replace(motion=motion, intervals=(interval,))
+            self.track = self.track._replace(motion=motion, intervals=(float(interval),))
 
     def press(self, places: IntArray, heights: NDArray[np.float32]) -> None:
         """Write the ``heights`` (n,) [m] to which bodies pressed the samples at ``places`` (n, 2), rows and columns.
@@ -140,11 +155,11 @@ class HeightMap(MovingHeights):
     def sample(self, indices: IntArray, time: float, ahead: float = INSTANT) -> Samples:
         """Return the ground at ``time`` [s] at samples given by ``indices`` (...) into the row-major map; shapes (...).
 
-        Heights include the origin's z. Velocities are means over the time ``ahead`` [s].
+        Heights include the origin's z. Velocities are means over the time ``ahead`` [s]. Raises `InputError`.
         """
-        flat = np.ascontiguousarray(indices, np.int64).reshape(-1)
-        heights, velocities = CORE.sample_grid(self.core_reader, flat, time, ahead)
-        return Samples(heights.reshape(indices.shape), velocities.reshape(indices.shape))
+        numbers, time, ahead = checked_numbers(indices), checked_time(time), checked_ahead(ahead)
+        heights, velocities = CORE.sample_grid(self.core_reader, numbers.reshape(-1), time, ahead)
+        return Samples(heights.reshape(numbers.shape), velocities.reshape(numbers.shape))
 
     def at(self, xy_w: ArrayLike, time: float) -> Samples:
         """Return the ground under points (N, 2) [m] at ``time`` [s], shapes (N,); NaN outside the map and in holes."""

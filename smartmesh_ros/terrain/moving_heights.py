@@ -186,6 +186,8 @@ class MovingHeights(LaidGround, MovingGround):
         row, column = checked_place(row, column, shape, self._shape)
         certainty = checked_variance(variance, shape)
         new, speeds = checked(heights, velocities, shape, "the region")
+        if np.may_share_memory(new, self._heights):  # rows of `heights`, at another place
+            new = new.copy()
         if material is not None and (laid := together(material).checked(shape)).layers:
             place = slice(row, row + shape[0]), slice(column, column + shape[1])
             self._lay(self._material.written(laid, place, self._shape))

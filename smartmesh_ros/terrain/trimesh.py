@@ -9,7 +9,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.terrain.checked_heights import checked_next_time, checked_time, unmasked
+from smartmesh_ros.terrain.checked_heights import (
+    checked_ahead,
+    checked_next_time,
+    checked_numbers,
+    checked_time,
+    unmasked,
+)
 from smartmesh_ros.terrain.grid import FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples, ground_heights
 from smartmesh_ros.terrain.motion import CLOCK, INSTANT, MotionConfig, MovingGround, checked_motion, next_revision
@@ -119,8 +125,10 @@ class TriangleMesh(MovingGround):
         return bool(self.core_reader.moves(checked_time(time)))
 
     def sample(self, indices: IntArray, time: float, ahead: float = INSTANT) -> MeshSamples:
-        """Return vertices (n,) at ``time`` [s]; velocities are means over the time ``ahead`` [s]."""
-        return MeshSamples(*CORE.sample_mesh(self.core_reader, np.ascontiguousarray(indices, np.int64), time, ahead))
+        """Return vertices (n,) at ``time`` [s]; velocities are means over the time ``ahead`` [s]. Raises
+        `InputError`."""
+        numbers = checked_numbers(indices).reshape(-1)
+        return MeshSamples(*CORE.sample_mesh(self.core_reader, numbers, checked_time(time), checked_ahead(ahead)))
 
     def at(self, xy_w: ArrayLike, time: float) -> Samples:
         """Return the highest ground at N points (N, 2) [m] at ``time`` [s]; NaN where there is no triangle."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -95,6 +95,19 @@ class Base:
         self._error: InputError | None = None  # why there is none
         self.start_over()
         world.watchers.append(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy of the base is made of, which drives the robot of the copied world."""
+        made_of = {"world": self._world, "name": self.name, "config": self.config}
+        return {"made_of": made_of, "memory": self.memory, "drives": self in self._world.watchers}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the base of such a state."""
+        Base.__init__(self, **state["made_of"])
+        self.recall(state["memory"])
+        self._find()
+        if not state["drives"]:
+            self.close()
 
     def close(self) -> None:
         """Drive no more; the last commands stay in force."""

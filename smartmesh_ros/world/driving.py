@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import pybullet as pb
@@ -241,6 +241,12 @@ class Driving:
     def body(self, name: str) -> Body:
         """Return a body; raises `InputError` if there is none of that name."""
         return named(name, self.bodies, "unknown_body", "body")
+
+    def bodies_of(self, names: str | Iterable[str]) -> list[Body]:
+        """Return the bodies of one name or several; raises `InputError` if there is none of one of them."""
+        if isinstance(names, str) or not isinstance(names, Iterable):
+            return [self.body(names)]
+        return [self.body(name) for name in names]
 
 
 def links_of(body: Body) -> dict[int, str]:

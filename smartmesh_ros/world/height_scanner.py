@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 
+from smartmesh_ros.errors import require
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.height_scan import HeightScan, require_scan
@@ -17,6 +18,7 @@ class HeightScanner:
     they show the ground and the poses as they were then."""
 
     def __init__(self, world: World, names: str | Sequence[str], scan: HeightScan) -> None:
+        require(isinstance(world, World), "height_scan", "the world of a height scanner", world, "a World")
         require_scan(scan)
         self._world, self._names, self._scan = world, names, replace(scan, delay=0.0)
         self._delay = scan.delay

@@ -109,6 +109,18 @@ class Imu:
         self._restart()
         world.watchers.append(self)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy of the IMU is made of, which measures in the copied world."""
+        return {**vars(self), "_body": None, "measures": self in self._world.watchers}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the IMU of such a state."""
+        measures = state.pop("measures")
+        vars(self).update(state)
+        self._body = self._world.bodies.get(self.name)
+        if measures:
+            self._world.watchers.append(self)
+
     def close(self) -> None:
         """Measure no more."""
         if self in self._world.watchers:

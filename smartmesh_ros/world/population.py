@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -78,14 +78,13 @@ class Population(Driving):
         return self.ground.at(points_w, self.time)
 
     def cast_rays(
-        self, origins_w: ArrayLike, directions_w: ArrayLike, reach: float, *, through: Collection[str] = ()
+        self, origins_w: ArrayLike, directions_w: ArrayLike, reach: float, *, through: str | Iterable[str] = ()
     ) -> RayHits:
         """Return what rays from ``origins_w`` (N, 3) [m] along ``directions_w`` (N, 3) meet now within ``reach`` [m]:
         ground or bodies, except those named in ``through``. Raises `InputError`."""
-        for name in through:
-            self.body(name)
+        names = [body.name for body in self.bodies_of(through)]
         rays = checked_rays(origins_w, directions_w, reach)
-        return cast_rays(self.client, self.bodies, self.ground.rays, rays, self.time, through)
+        return cast_rays(self.client, self.bodies, self.ground.rays, rays, self.time, names)
 
     def replace_robot(self, name: str, urdf: str | os.PathLike[str] | PreparedRobot) -> None:
         """Replace a robot by another at the current pose of its base; raises `InputError` and changes nothing if the

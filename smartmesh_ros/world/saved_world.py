@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import pybullet as pb
 
-from smartmesh_ros.errors import checked_count
+from smartmesh_ros.errors import checked_count, counted
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.shapes import Hull
 from smartmesh_ros.terrain import state_file
@@ -188,7 +188,7 @@ class SavedWorld(Population):
                 failed.append(f"{body.name!r}: {error}")
         self.ground.wake()
         if failed:
-            raise pb.error(f"{len(failed)} bodies are not back, but the others are; reset again: {'; '.join(failed)}")
+            raise pb.error(f"{counted(len(failed))} not back, but all others; reset again: {'; '.join(failed)}")
 
     def _note_first_terrain(self) -> None:
         """Keep the terrain of the first step on it, for episodes, as if this were at time zero."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Self
 
@@ -51,10 +51,10 @@ class World(SavedWorld):
         config: WorldConfig | None = None,
         stopwatch: Stopwatch | None = None,
     ) -> None:
-        self.config = config or WorldConfig()
+        self.config = WorldConfig() if config is None else config
         _require_settings(self.config)
         self._terrain = Terrain() if terrain is None else Terrain.of(terrain)
-        self.stopwatch = stopwatch or Stopwatch()
+        self.stopwatch = Stopwatch.of(stopwatch)
         self.watchers: list[StepWatcher] = []
         self._rescues = 0  # of the grounds before `restore`
         self.carried: dict[str, Carrier] = {}
@@ -179,10 +179,7 @@ class World(SavedWorld):
         require_scan(scan)
         if scan.delay:
             raise InputError("height_scan", "World.height_scan scans now; for a delay use a HeightScanner")
-        bodies = [
-            self.body(name)
-            for name in (names if isinstance(names, Iterable) and not isinstance(names, str) else [names])
-        ]
+        bodies = self.bodies_of(names)
         poses_w = BulletCalls(self.client).poses([body.uid for body in bodies])
         for row, body in enumerate(bodies):
             if body.is_robot:

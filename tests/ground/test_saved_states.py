@@ -12,6 +12,7 @@ import pytest
 
 from smartmesh_ros import InputError, Soil
 from tests.ground.scene import Scene
+from tests.memory import allocated
 
 # So many that bodies of the scene run into each other after what they went through before.
 STEPS = 420
@@ -68,6 +69,18 @@ def test_pybullets_own_states_stay_usable_beside_it(scene: Scene) -> None:
     restore(scene, data)
     scene.client.restoreState(own)
     np.testing.assert_array_equal(scene.bases(), before)
+
+
+def test_episodes_that_begin_with_a_restored_state_take_no_more_memory_than_few(scene: Scene) -> None:
+    """PyBullet's state of this scene is a file of 170 KiB."""
+    start, used = scene.ground.save_state(), []
+    for count in (5, 20):
+        for _ in range(count):
+            restore(scene, start)
+            scene.run(2)
+            scene.ground.save_state()
+        used.append(allocated())
+    assert used[1] - used[0] < 20 * 4 * 1024
 
 
 WRONG: dict[str, tuple[Callable[[Scene], object], str]] = {

@@ -75,7 +75,7 @@ def test_one_bad_body_keeps_all_out_and_every_bad_one_is_named() -> None:
         reasons = {failure.id: failure.reason for failure in answer.failures}
         assert reasons.keys() == {body.id for body in bad} and len(answer.failures) == len(bad)
         assert "mass" in reasons["body_2"] and "named 2 times" in reasons["body_1"]
-        assert "4 of 6 bodies are refused" in answer.message
+        assert "4 of 6 bodies refused" in answer.message
         assert run.refused == {"spawn_bodies: batch": 1}
         assert spawned(specification(1), specification(4)).success
         answer = removed("body_0", "nobody", "body_1", "body_1")

@@ -85,9 +85,13 @@ def write_tiff(
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        ({"first_row": "botom"}, "first_row is 'botom'; it must be 'top' or 'bottom'"),
+        ({"first_row": "botom"}, r"first_row is 'botom'; it must be one of \('top', 'bottom'\)"),
+        ({"first_row": HEIGHTS}, r"it must be one of \('top', 'bottom'\)"),
         ({"scale": "2"}, "scale is '2'; it must be a finite number"),
         ({"origin": "abc"}, "the origin is 'abc'; it must be three finite numbers"),
+        ({"origin": None}, "the origin is None; it must be three finite numbers"),
+        ({"zero_is_hole": HEIGHTS}, "it must be True or False"),
+        *(({"material_layers": given}, "a list of texts such as 'friction=slip'") for given in (5, [5], "friction")),
     ],
 )
 def test_a_configuration_that_means_nothing_is_refused(wrong: dict[str, Any], words: str) -> None:

@@ -37,6 +37,15 @@ def test_a_large_map_takes_its_bytes_once_until_it_moves() -> None:
     assert resident() - before < 2.2 * heights.nbytes
 
 
+@pytest.mark.parametrize("rows", [1, -1])
+def test_rows_of_a_map_may_be_written_at_another_place_of_it(rows: int) -> None:
+    before = np.random.default_rng(0).normal(size=(150, 100)).astype(np.float32)
+    heightmap = HeightMap(before, resolution=1.0)
+    taken, put = (slice(0, -1), 1) if rows > 0 else (slice(1, None), 0)
+    heightmap.update_region(put, 0, heightmap.heights[taken], time=1.0)
+    np.testing.assert_array_equal(heightmap.heights[put : put + 149], before[taken])
+
+
 def test_heights_may_lie_at_any_address() -> None:
     """A message's bytes need not start at a multiple of four."""
     new = np.arange(12, dtype=np.float32).reshape(3, 4)

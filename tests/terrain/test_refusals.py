@@ -138,6 +138,15 @@ REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
     (partial(Box, 1.0, 1.0, 1.0), "geometry"): [
         ({"centre": centre}, "three numbers") for centre in ((1.0, 2.0), None, (0.0, 0.0, NAN), (0.0, 0.0, 1e9))
     ],
+    **{(sample, "type"): [((numbers, 0.0), "whole numbers") for numbers in ("x", [0.5])]
+       for sample in (flat().sample, mesh().sample)},
+    **{(sample, "time"): [(([0], "now"), "finite number of seconds"), (([0], 0.0, -1.0), "the time ahead is -1.0")]
+       for sample in (flat().sample, mesh().sample)},
+    (flat().slide, "motion"): [
+        *(((speeds, 1.0), "two finite numbers [m/s]") for speeds in ("x", None, (1.0,), (1.0, 2.0, 3.0), (NAN, 0.0))),
+        *((((1.0, 0.0), interval), "above zero, up to 1e+12 s") for interval in ("x", None, 0.0, NAN)),
+        (((1.0, 0.0), 1.0, "x"), "the spin of a map is 'x'"),
+    ],
     (mesh, "length"): [
         ((PLACES[:, :2],), "(V, 3)"), ((PLACES, [[0, 1]]), "(T, 3)"), ((PLACES, np.zeros((0, 3), int)), "at least one"),
         ({"velocities": np.zeros((3, 3))}, "(48, 3)"),

@@ -1,7 +1,9 @@
 """Bases drive as told: straight at the commanded speed, in turns at the commanded rate, until their time is over."""
 
+import copy
 import math
-from collections.abc import Iterator
+import pickle
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -10,7 +12,17 @@ import numpy as np
 import pybullet_data
 import pytest
 
-from smartmesh_ros import Base, BaseConfig, BodyState, InputError, World
+from smartmesh_ros import (
+    Base,
+    BaseConfig,
+    BodyState,
+    HeightScan,
+    HeightScanner,
+    Imu,
+    ImuConfig,
+    InputError,
+    World,
+)
 from tests import urdfs
 from tests.bodies import yaw_of
 from tests.grounds import level, said_by, shaped, world_of
@@ -221,6 +233,32 @@ def test_episodes_begin_without_commands_and_a_reset_leaves_them_their_time() ->
         world.reset()
         world.step(360)
         assert said == ["no command came for the base 'robot' in time: it stops"]
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda it: pickle.loads(pickle.dumps(it))])
+def test_a_copy_goes_on_in_the_copy_of_its_world(copied: Callable[[Any], Any]) -> None:
+    """With the sensors of the robot: a copy of an environment is one that goes on as it does."""
+    with standing("axle behind", linear_acceleration=0.5) as (world, base):
+        scan = HeightScan.of("isaac_lab", noise=0.02, delay=0.02)
+        imu = Imu(world, "robot", config=ImuConfig(rate=50.0, accelerometer_noise_density=0.01))
+        made = base, imu, HeightScanner(world, "robot", scan), world
+        seen = []
+        base.drive(0.6, 0.4, lasts=0.5)
+        for _ in range(7):
+            world.step(11)
+            made[2].read()
+        world.save()
+        for driver, sensor, scanner, its in (copied(made), made):
+            assert (driver.odometry, its.watchers) == (base.odometry, [driver, sensor])
+            scans = []
+            for _ in range(20):
+                its.step(10)
+                scans.append(scanner.read().tobytes())
+            seen.append((its.snapshot().hash, driver.odometry, repr(sensor.take()), scans))
+            driver.close()
+            assert copied((its, driver))[0].watchers == []
+        assert seen[0] == seen[1]
+        assert seen[0][1].x > 0.1
 
 
 @pytest.mark.parametrize(

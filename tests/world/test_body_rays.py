@@ -61,5 +61,8 @@ def test_rays_pass_through_the_bodies_named(world: World) -> None:
     assert names_of(world, [above, inside], [down, ahead], through=["rover", "wall"]) == ["ground", ""]
     distances = world.cast_rays([inside], [ahead], 10.0, through=["rover"]).distances
     assert distances == pytest.approx(1.95 - inside[0], abs=1e-3)
-    with pytest.raises(InputError, match="no body 'nobody'"):
-        world.cast_rays([above], [down], 1.0, through=["nobody"])
+    for one in ("rover", (name for name in ["rover"])):
+        assert names_of(world, [above], [down], through=one) == ["ground"]
+    for nobody in ("nobody", ["nobody"], 5, None):
+        with pytest.raises(InputError, match="there is no body"):
+            world.cast_rays([above], [down], 1.0, through=nobody)  # type: ignore[arg-type]

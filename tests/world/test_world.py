@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pybullet as pb
 import pytest
 
 from smartmesh_ros import (
@@ -14,6 +15,7 @@ from smartmesh_ros import (
     BaseConfig,
     BodyState,
     Carrier,
+    Ground,
     HeightScan,
     HeightScanner,
     Imu,
@@ -108,6 +110,12 @@ from tests.grounds import level, moving
         (lambda w: w.height_scan(5, HeightScan()), "there is no body 5"),
         (lambda w: w.spawn("x", Sphere(0.1), 1.0, on_ground="x"), "on_ground is 'x'; it must be True or False"),
         (lambda w: w.spawn("x", Sphere(0.1), 1.0, on_ground=True, align="x"), "align is 'x'; it must be True or False"),
+        (lambda _: World(stopwatch=5), "the stopwatch is 5; it must be Stopwatch(...)"),  # type: ignore[arg-type]
+        (lambda _: World(config=0), "settings is 0; it must be WorldConfig("),  # type: ignore[arg-type]
+        (lambda w: Ground(w.client, level(), 0), "the stopwatch is 0"),  # type: ignore[arg-type]
+        (lambda w: HeightScanner(None, "ball", HeightScan()), "scanner is None; it must be a World"),  # type: ignore[arg-type]
+        (lambda w: w.drive_surface("ball", "", "fast"), "speed of a surface is 'fast'"),  # type: ignore[arg-type]
+        (lambda w: w.ground.drive(0, -1, "up", 1.0), "axis of a surface is 'up'"),  # type: ignore[arg-type]
         (lambda _: PhysicsConfig(sleep="x"), "sleep is 'x'; it must be True or False"),
         (lambda _: PhysicsConfig(rate=5e-324), "rate is 5e-324; it must be finite"),
         (lambda w: w.restore(None), "the saved state is None; pass its bytes or its file"),
@@ -129,6 +137,16 @@ def test_what_cannot_be_is_refused_and_nothing_changes(world: World, act: Callab
     assert world.client.getNumBodies() == bodies
     world.step(10)
     assert world.state("ball").position[2] == pytest.approx(0.2, abs=1e-3)
+
+
+@pytest.mark.parametrize(("count", "words"), [(1, "1 body not back"), (2, "2 bodies not back")])
+def test_bodies_that_pybullet_does_not_reset_are_counted(count: int, words: str) -> None:
+    with World(level(11)) as world:
+        for number in range(count):
+            world.spawn(f"ball {number}", Sphere(0.1), 1.0)
+        world.client.disconnect()
+        with pytest.raises(pb.error, match=words):
+            world.reset()
 
 
 def test_a_closed_world_says_that_it_is_closed() -> None:

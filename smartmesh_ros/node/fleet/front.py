@@ -20,7 +20,7 @@ from smartmesh_msgs.msg import BodySpecification, Timing, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
 
-from smartmesh_ros.errors import InputError, listed
+from smartmesh_ros.errors import InputError, counted, listed
 from smartmesh_ros.node.fleet.calls import Calls, same_as, specification_of
 from smartmesh_ros.node.fleet.layout import FRONT, marker_namespace, node_names
 from smartmesh_ros.node.fleet.ledger import Duties, FleetBody, Ledger, LedgerConfig
@@ -166,7 +166,7 @@ class Front(ParameterNode):
             if refused and hasattr(response, "failures"):
                 response.failures = failures_of(refused)
                 nothing = ", so nothing was changed" if kind is SpawnBodies else ""
-                response.message = f"{len(refused)} bodies are refused{nothing}: {response.message}"
+                response.message = f"{counted(len(refused))} refused{nothing}: {response.message}"
             return response
 
         self.create_service(kind, f"~/{name}", answer, callback_group=self._group, qos_profile=SERVICES)
@@ -222,18 +222,18 @@ class Front(ParameterNode):
         counts = Counter(entry.node for entry in self.ledger.bodies.values())
         dead = self.ledger.members.keys() - {*living, *starting}
         values: dict[str, Any] = {
-            node: "not heard" if node in dead else "starting" if node in starting else f"{counts[node]} bodies"
+            node: "not heard" if node in dead else "starting" if node in starting else counted(counts[node])
             for node in self.ledger.members
         }
         values |= {"bodies": len(self.ledger.bodies), "spawned again": self.ledger.respawned}
         values["waiting to be spawned again"] = len(waiting)
-        level, text = DiagnosticStatus.OK, f"{len(living)} nodes"
+        level, text = DiagnosticStatus.OK, counted(len(living), "node", "nodes")
         if dead:
             level, text = DiagnosticStatus.ERROR, f"not heard: {', '.join(sorted(dead))}"
         elif starting:
             level, text = DiagnosticStatus.WARN, f"starting: {', '.join(sorted(starting))}"
         elif waiting:
-            level, text = DiagnosticStatus.WARN, f"{len(waiting)} bodies wait to be spawned again"
+            level, text = DiagnosticStatus.WARN, f"{counted(len(waiting))} to be spawned again"
         own = self.get_fully_qualified_name()
         message = DiagnosticArray(status=[task_status(own, "nodes", level, text, values)])
         message.header.stamp = self.get_clock().now().to_msg()
@@ -242,7 +242,7 @@ class Front(ParameterNode):
 
 def _counted(names: Sequence[str]) -> str:
     """Return the number of bodies and the first names."""
-    return f"{len(names)} bodies ({listed(names)})"
+    return f"{counted(len(names))} ({listed(names)})"
 
 
 def merged_timing(timings: Mapping[str, Timing]) -> Timing:

@@ -15,7 +15,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from smartmesh_msgs.msg import TrackedBodyArray
 
 from smartmesh_ros.core import CORE
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, counted
 from smartmesh_ros.ground.state import Vector
 from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 from smartmesh_ros.node.inputs.conversions import require_distinct
@@ -169,7 +169,7 @@ class PeerBodies:
         for name, peer in self._peers.items():
             if name in counts:
                 bodies, guests, late = counts[name]
-                found[name] = f"{bodies} bodies, {guests} of them guests, {1e3 * late:.1f} ms late"
+                found[name] = f"{counted(bodies)}, {guests} of them guests, {1e3 * late:.1f} ms late"
             else:
                 found[name] = peer.refused or "not heard"
         return found

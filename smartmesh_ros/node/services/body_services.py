@@ -10,7 +10,7 @@ from typing import Any
 from smartmesh_msgs.msg import BodyFailure
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 
-from smartmesh_ros.errors import InputError, listed
+from smartmesh_ros.errors import InputError, counted, listed
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.refusals import shortened
@@ -115,4 +115,4 @@ def _require_all(response: Any, refused: dict[str, str], count: int, outcome: st
     response.failures = failures_of(refused)
     if refused:
         reasons = listed([failure.reason for failure in response.failures], QUOTED, between="; ")
-        raise InputError("batch", f"{len(refused)} of {count} bodies are refused, {outcome}: {reasons}")
+        raise InputError("batch", f"{len(refused)} of {counted(count)} refused, {outcome}: {reasons}")
