@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
@@ -29,6 +30,15 @@ def test_parameters_that_the_pages_name_exist() -> None:
         for name in re.findall(r"`(\w+\.\w+)(?::[^`]*)?`", page.read_text()):
             if name.partition(".")[0] in groups and not name.endswith((".py", ".xml", ".yaml", ".json")):
                 assert name in names, f"{page.name}: {name}"
+
+
+def test_parameter_files_of_the_pages_are_whole() -> None:
+    from smartmesh_ros.node.parameters.specifications import SPECS
+
+    names = {spec.name for spec in SPECS} | {"qos_overrides"}
+    for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
+        for file in re.findall(r"```yaml\n(.*?)```", page.read_text(), re.DOTALL):
+            assert yaml.safe_load(file)["/**"]["ros__parameters"].keys() <= names, page.name
 
 
 def programs() -> dict[str, str]:

@@ -124,6 +124,7 @@ def test_what_is_refused_is_told(shared: Probe, smartmesh: Command, tmp_path: Pa
 
     assert "there is no body 'nobody'" in refusal("remove", "nobody")
     assert "there is no URDF file" in refusal("spawn", "none", "--urdf", str(tmp_path / "none.urdf"))
+    assert "leave --z out" in refusal("spawn", "ball", "--sphere", "1", "--z", "2", "--align")
     (tmp_path / "hull.stl").write_bytes(b"")
     file = tmp_path / "robot.urdf"
     file.write_text(robot(link("base", mesh("hull.stl"))))

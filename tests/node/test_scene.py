@@ -123,6 +123,18 @@ def test_rviz_shows_the_ground_and_the_bodies_and_forgets_them(shared: Probe) ->
     shared.wait_for(lambda: display.without_ground > 15)  # it is at rest, and nobody is new any more
 
 
+def test_the_ground_is_drawn_under_the_first_robot_too() -> None:
+    """Its own display draws the robot, but no ground."""
+    ball = "{id: ball, shape: sphere, size: [0.2], mass: 1, xy: [9, 9]}"
+    with on_level({"bodies.spawn": [f"{{id: rover, urdf: {ROVER}, xy: [1, 1]}}", ball]}, keep=["scene"]) as run:
+        run.run(1.0)
+        grounds = [marker for scene in run.received("scene") for marker in scene.markers if marker.ns == "ground"]
+        low, high = (end(points_of(grounds[-1])[:, :2], axis=0) for end in (np.min, np.max))
+        for body in ("rover", "ball"):
+            place = run.world.state(body).position[:2]
+            assert (low <= place).all() and (place <= high).all(), body
+
+
 def test_a_robot_model_has_the_frames_and_the_files_of_the_robot(tmp_path: Path) -> None:
     """It is empty for a robot whose file is no URDF any more, and without a robot."""
     edited = tmp_path / "edited.urdf"

@@ -81,7 +81,7 @@ class SceneMarkers:
         message.start("markers", MarkerArray)
         for namespace in self.namespaces if clear else ():
             message.add((frame, namespace), partial(deletion, header, namespace), 1, stamp)
-        drawn = self._drawn()
+        drawn, places_w = self._drawn()
         gone = np.setdiff1d(self._shown, drawn.ids)
         self._shown = drawn.ids
         numbers = np.concatenate(drawn[2:], axis=1)
@@ -89,10 +89,11 @@ class SceneMarkers:
         make = partial(_marker, self._bodies, frame, Marker.CUBE)
         message.add(frame, make, len(numbers), fields | dict(zip(_FIELDS, numbers.T, strict=True)))
         message.add(frame, make, len(gone), {**stamp, "id": gone, "action": Marker.DELETE})
-        self._add_ground(header, drawn.poses, again=clear)
+        self._add_ground(header, places_w, again=clear)
         return message.finish()
 
-    def _drawn(self) -> Drawn:
+    def _drawn(self) -> tuple[Drawn, FloatArray]:
+        """Return the markers of the bodies, and the positions (n, 3) [m] of all bodies, the first robot among them."""
         world, first = self._world, next(iter(self._session.robot_names.prefixes()), None)
         tracked = [body for body in world.bodies.values() if body.tracked]
         poses_w = BulletCalls(world.client).poses([body.uid for body in tracked])
@@ -105,7 +106,9 @@ class SceneMarkers:
             self._ids = {name: self._ids[name] for name in names}
         columns = zip(*((one.kinds, one.dimensions, one.centres, one.numbers[:, :7]) for one in tables), strict=True)
         kinds, dimensions, centres, poses = map(np.concatenate, columns)
-        shown = np.array([name != first for name in names], np.bool_) & np.isfinite(poses).all(axis=1)
+        somewhere = np.isfinite(poses).all(axis=1)
+        places_w = poses[somewhere, :3]
+        shown = np.array([name != first for name in names], np.bool_) & somewhere
         kinds, dimensions, centres, poses = (column[shown] for column in (kinds, dimensions, centres, poses))
         ids = np.array([self._ids[name] for name in names], np.int64)[shown]
         poses[:, :3] += rotated(poses[:, 3:], centres)
@@ -121,14 +124,14 @@ class SceneMarkers:
             ends = np.concatenate([poses[capsule, :3] + side * along, poses[capsule, 3:]], axis=1)
             balls = np.full(len(ends), BALL), ends, np.repeat(width[capsule], 3, axis=1)
             parts.append(Drawn(ids[capsule] + place, *balls, colours[capsule]))
-        return Drawn(*map(np.concatenate, zip(*parts, strict=True)))
+        return Drawn(*map(np.concatenate, zip(*parts, strict=True))), places_w
 
-    def _add_ground(self, header: Header, poses: FloatArray, *, again: bool) -> None:
+    def _add_ground(self, header: Header, places_w: FloatArray, *, again: bool) -> None:
         """Add the ground if it or the place of the bodies has changed, or ``again``."""
         world = self._world
         if not self._ground_rhythm.is_due(self._session.clock.steady(), GROUND_RATE, now=again):
             return
-        window = window_around(poses, world.terrain)
+        window = window_around(places_w, world.terrain)
         moving = world.terrain.moving(world.time)
         patches_w = world.patches().table().points_w
         seen = (window, world.terrain.revision, header.frame_id, patches_w.tobytes())

@@ -64,6 +64,8 @@ def messages(remote: Remote, topic: str, kind: Any, *, raw: bool = False) -> lis
 
 def spawn(remote: Remote, options: argparse.Namespace) -> str:
     """Spawn a body or a robot."""
+    if options.z is not None and (options.clearance or options.align):
+        raise InputError("arguments", "--clearance and --align put a body onto the ground; leave --z out")
     fields: dict[str, Any] = {"id": options.name, "mass": options.mass, "on_ground": options.z is None}
     fields |= {"clearance": options.clearance, "align": options.align}
     chosen = [name for name in SHAPES if getattr(options, name) is not None]

@@ -1,7 +1,7 @@
 """``ros2 run smartmesh_ros replay``: what the collider makes of a bag, without DDS, the same each time.
 
 BAG is the folder with metadata.yaml, or a single .mcap or .db3 file. The topics, services and parameters are those of
-terrain_collider; -p, -r and --params-file are as for the node. The last line is the digest of all states and contacts:
+terrain_collider; -p, -r and --params-file are as for the node. The last line is a digest of states and contacts:
 the same bag and parameters give the same digest and the same bytes on one machine.
 """
 
