@@ -82,7 +82,8 @@ def test_a_box_below_the_angle_of_friction_creeps_and_stays() -> None:
 def test_a_low_box_slides_as_the_shear_strength_lets_it(degrees: float, rate: float) -> None:
     """Mohr and Coulomb's law: the soil holds it by c A + N tan(phi)."""
     mass, slope, soil = 80.0, math.radians(degrees), soil_named("dry_sand")
-    strength = soil.Mohr_cohesion * 0.2 * 0.2 / mass + 9.81 * math.cos(slope) * math.tan(math.radians(soil.Mohr_friction))
+    friction = math.tan(math.radians(soil.Mohr_friction))
+    strength = soil.Mohr_cohesion * 0.2 * 0.2 / mass + 9.81 * math.cos(slope) * friction
     heights = -math.tan(slope) * np.tile(0.04 * np.arange(201), (101, 1))
     with world_on("dry_sand", heights, rate=rate) as world:
         world.spawn("box", Box(0.2, 0.2, 0.02), mass, BodyState((1.0, 2.0, 0.0)), on_ground=True, align=True)
