@@ -17,6 +17,7 @@ from time import monotonic
 from shape_msgs.msg import SolidPrimitive
 from smartmesh_msgs.msg import BodySpecification, Timing
 
+from smartmesh_ros.errors import counted
 from smartmesh_ros.node.fleet.layout import commands, front_of
 from smartmesh_ros.node.parameters.settings import MOST_BODIES
 from smartmesh_ros.startup.arguments import Parser, number
@@ -33,7 +34,7 @@ SPACING, START_HEIGHT, RADIUS = 0.9, 0.8, 0.25
 
 def wait_for_nodes(front: Remote, count: int) -> None:
     """Wait until the front of a fleet hears all nodes. Raises `InputError`."""
-    words = f"{count} nodes"
+    words = counted(count, "node", "nodes")
     front.wait_for(lambda: "nodes" in front.tasks and front.tasks["nodes"].message == words, f"fleet of {words}")
 
 
@@ -76,7 +77,7 @@ def run(remote: Remote, nodes: int, front: dict[str, str], bodies: int, seconds:
     last = {"timing": Timing()}
     remote.node.create_subscription(Timing, f"{remote.name}/timing", partial(last.__setitem__, "timing"), 10)
     with tempfile.TemporaryDirectory() as name, processes(made := commands(Path(name), nodes, front)) as running:
-        print(f"starting {nodes} nodes ...", flush=True)
+        print(f"starting {counted(nodes, 'node', 'nodes')} ...", flush=True)
         wait_for_nodes(remote, nodes)
         remote.call("spawn_bodies", bodies=balls(grid(bodies), RADIUS))
         end, due = monotonic() + seconds, 0.0

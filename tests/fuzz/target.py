@@ -121,7 +121,7 @@ class Target:
     def _refused(self) -> int:
         """Messages refused so far, without the bodies that waited for terrain and could not be spawned on it."""
         counts = self.node.refusals.counts
-        return sum(count for key, count in counts.items() if not key.startswith("bodies.spawn: "))
+        return sum(count for key, count in counts.items() if not key.startswith("start of "))
 
     def _call(self, name: str, data: bytes) -> str:
         try:

@@ -79,11 +79,11 @@ class SoilUnderBody {
     int quarter = 0;
 
     bool carries() const { return total > 0.0 && area > 0.0; }
-    // Returns the sinkage under an underside at a height [m]. One that leaves presses the soil no further than it was
-    // pressed before, and lets it rise as it does.
+    // Returns the sinkage under an underside at a height [m]. One that leaves does not press the soil further; where it
+    // came there sideways, the ground above it rises with it.
     double sinkage_at(double height) const {
       if (!leaves) return sample->level - height;
-      return sample->level - std::max(before, surface) - std::max(0.0, height - before);
+      return sample->level - std::max(surface, height + std::max(0.0, surface - before));
     }
   };
   struct Quarter;
