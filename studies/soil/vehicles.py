@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pybullet as pb
@@ -98,8 +98,8 @@ def drive(cart: Cart, soil: SoilType | str, *, speed: float = 0.3, seconds: floa
 
 
 class SetDown(NamedTuple):
-    """A body that was set down: its top ``speed`` [m/s] in the last second, and how much its kinetic and potential
-    energy ever ``rose`` [m of height]."""
+    """A body that was set down: its top ``speed`` [m/s] in the last second, and how much the kinetic and potential
+    energy of all its links ever ``rose`` [m of height]."""
 
     speed: float
     rose: float
@@ -126,19 +126,32 @@ def set_down(number: int, soil: str, *, rate: float = 240.0) -> SetDown:
             for name in WHEELS:
                 world.drive("body", f"{name}_axle", 0.0, 100.0)
         speeds, energies, client, uid = [], [], world.client, world.bodies["body"].uid
-        mass, _, inertia = client.getDynamicsInfo(uid, -1)[:3]
         for _ in range(round(3.0 * rate)):
             world.step()
-            linear, angular = client.getBaseVelocity(uid)
-            speeds.append(math.hypot(*linear))
-            axes = np.reshape(client.getMatrixFromQuaternion(world.state("body").orientation), (3, 3))
-            # Energy of the rotation of a single body over its mass [J/kg].
-            spun = 0.0 if kind == 3 else 0.5 * float(np.array(inertia) @ (axes.T @ np.array(angular)) ** 2) / mass
-            # In free fall, PyBullet's steps conserve this.
-            height = world.state("body").position[2] + 0.5 * linear[2] * world.dt
-            energies.append(height + (0.5 * speeds[-1] ** 2 + spun) / GRAVITY)
+            speeds.append(math.hypot(*client.getBaseVelocity(uid)[0]))
+            energies.append(_energy(client, uid, world.dt))
         rose = float(np.max(np.array(energies) - np.minimum.accumulate(energies)))
     return SetDown(max(speeds[round(2.0 * rate) :]), rose)
+
+
+def _energy(client: Any, body: int, dt: float) -> float:
+    """Return the kinetic and potential energy of a body and its links over its weight [m]. In free fall, PyBullet's
+    steps of ``dt`` [s] conserve it."""
+    total = weight = 0.0
+    for link in range(-1, client.getNumJoints(body)):
+        mass, _, inertia = client.getDynamicsInfo(body, link)[:3]
+        if link < 0:
+            place, turn = client.getBasePositionAndOrientation(body)
+            linear, angular = client.getBaseVelocity(body)
+        else:
+            found = client.getLinkState(body, link, computeLinkVelocity=1, computeForwardKinematics=1)
+            place, turn, linear, angular = found[0], found[1], found[6], found[7]
+        axes = np.reshape(client.getMatrixFromQuaternion(turn), (3, 3))
+        spun = np.array(inertia) @ (axes.T @ np.array(angular)) ** 2
+        moving = 0.5 * (mass * np.dot(linear, linear) + spun) / GRAVITY
+        total += mass * (place[2] + 0.5 * linear[2] * dt) + moving
+        weight += mass
+    return float(total / weight)
 
 
 DT = 1.0 / 240.0

@@ -91,7 +91,7 @@ def test_a_low_box_slides_as_the_shear_strength_lets_it(degrees: float, rate: fl
         before = np.linalg.norm(world.state("box").linear)
         world.step(round(rate))
         gained = np.linalg.norm(world.state("box").linear) - before
-    assert 9.81 * math.sin(slope) - gained == pytest.approx(strength, rel=0.04)
+    assert 9.81 * math.sin(slope) - gained == pytest.approx(strength, rel=0.05)
 
 
 @pytest.mark.parametrize(
