@@ -210,6 +210,7 @@ MAPS = f"qos_overrides.{COLLIDER}/heightmap.subscription"
         ({"bodies.spawn": ["{id: a/b, urdf: a, xy: [0, 0]}"]}, "cannot name a body; a name is printable text"),
         ({"bodies.spawn": ["{id: x, urdf: a, xy: [0]}"]}, "xy: [x, y] with clearance or above"),
         ({"bodies.spawn": ["{id: x, urdf: a, xyz: [0, 0, 0], align: true}"]}, "clearance and align go with xy alone"),
+        ({"ground_maps": ["{body: x, spacing: 0}"]}, "spacing: 0}': the spacing is 0.0; it must be above 0"),
         ({"decks": ["{deck: ferry}"]}, "frame, odometry, body"),
         ({"decks": ["{deck: ferry, frame: a, body: b}"]}, "frame, odometry, body"),
         ({"decks": ["{deck: ferry, frame: a, link: b}"]}, "a link is that of a body"),
