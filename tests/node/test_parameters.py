@@ -11,9 +11,10 @@ import yaml
 from rcl_interfaces.msg import ParameterType
 from rclpy.parameter import Parameter, parameter_dict_from_yaml_file, parameter_value_to_python
 
-from smartmesh_ros.node.parameters.helping import parameter_file
+from smartmesh_ros.node.parameters.helping import help_text, parameter_file
 from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.node.terrain_collider import TerrainCollider
+from smartmesh_ros.tools.client import command
 from smartmesh_ros.tools.testing import COLLIDER, executable
 from tests.launch_files import LAUNCH, Launch, Recorded, stand_ins
 from tests.node.shared import Logged, made_with, refusal_at_start
@@ -134,6 +135,13 @@ def test_the_executable_explains_itself() -> None:
     result = subprocess.run([executable("terrain_collider"), "--help"], capture_output=True, text=True, check=True)
     assert result.stdout.startswith("usage:") and result.stderr == ""
     assert all(spec.name in result.stdout for spec in SPECS)
+
+
+def test_help_prints_no_marks_of_code_and_no_empty_list() -> None:
+    about = "The node ``rover``."
+    assert command.parser().description.startswith("smartmesh: ")
+    assert "The node rover." in help_text("rover", about, SPECS)
+    assert "parameters:" not in help_text("rover", about, [])
 
 
 MAPS = f"qos_overrides.{COLLIDER}/heightmap.subscription"
