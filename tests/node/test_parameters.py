@@ -131,6 +131,13 @@ def test_a_printed_parameter_file_says_all_the_defaults(tmp_path: Path, logged: 
     assert warnings(logged()) == []
 
 
+def test_a_printed_parameter_file_of_a_node_without_parameters_can_be_read(tmp_path: Path) -> None:
+    file = tmp_path / "none.yaml"
+    file.write_text(parameter_file("rover", []))
+    with made_with(TerrainCollider, {}, ["--params-file", str(file)]) as node:
+        assert node.values == {spec.name: spec.default for spec in SPECS}
+
+
 def test_the_executable_explains_itself() -> None:
     result = subprocess.run([executable("terrain_collider"), "--help"], capture_output=True, text=True, check=True)
     assert result.stdout.startswith("usage:") and result.stderr == ""

@@ -72,7 +72,8 @@ def help_text(name: str, about: str | None, specs: Sequence[Spec]) -> str:
 
 def parameter_file(name: str, specs: Sequence[Spec]) -> str:
     """Return a file for ``--params-file`` that sets every parameter to its default; comments give the descriptions."""
-    lines = [f"# Every parameter of {name}, at its default.", "/**:", "  ros__parameters:"]
+    start = "  ros__parameters:" if specs else "  ros__parameters: {}"  # rcl cannot read a mapping without entries
+    lines = [f"# Every parameter of {name}, at its default.", "/**:", start]
     for spec in specs:
         comment = spec.description + _limits(spec)
         lines += textwrap.wrap(comment, WIDTH, initial_indent="    # ", subsequent_indent="    # ")
