@@ -68,7 +68,7 @@ class Session:
     not. ``terrain_subscriptions``: subscriptions to terrain. ``topics``: the node's inputs and outputs.
     ``source_clocks``: of inputs by the names of their sources.
     ``turns``: answers under way. ``files``: reads files and prepares robots. ``bases``: robots that
-    drive, by name. ``lost``: why bodies were removed, by name, until a reset.
+    drive, by name. ``lost``: why bodies were removed, by name, until a reset; ``losses``: number of all so far.
     """
 
     def __init__(self, node: Transport, settings: Settings, clock: Clock) -> None:
@@ -98,6 +98,7 @@ class Session:
         self.turns = Turns()
         self.files = FileWork()
         self.lost: dict[str, str] = {}
+        self.losses = 0
         self._seen, self._stalled = math.inf, 0.0
 
     @property
@@ -277,7 +278,7 @@ class Session:
         lost = [f"{name!r} {why}, and was removed" for name, why in self.world.lost.items()]
         if not lost:
             return
-        self.refusals.counts["physics: lost"] += len(lost)
+        self.losses += len(lost)
         self.node.get_logger().warning(f"{listed(lost, between='; ')}; spawn again what is missed")
         self.lost |= self.world.lost
         self.world.lost.clear()

@@ -128,7 +128,7 @@ class Collider:
             with session.lock:
                 if not session.paused:
                     done = f"; {part.start} of {count} steps are done" if part.start else ""
-                    words = "the physics is running; call ~/pause with data: true first"
+                    words = "the physics is running; pause it first"
                     raise InputError("not_paused", f"{words}{done}")
                 if not 1 <= count <= MOST_STEPS:
                     raise InputError("steps", f"{count} steps; ask for 1 to {MOST_STEPS} at a time")

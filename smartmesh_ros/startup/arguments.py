@@ -14,12 +14,18 @@ from smartmesh_ros.errors import InputError
 
 
 class Parser(ArgumentParser):
-    """A parser that keeps the lines of its description, and takes -3e-16 for a number; Python's takes it for an
-    option."""
+    """A parser that keeps the lines of its description, a docstring, and takes -3e-16 for a number; Python's takes it
+    for an option."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **{"formatter_class": RawDescriptionHelpFormatter, **options})
+        self.description = plain(self.description)
         self._negative_number_matcher = re.compile(r"-(\d+\.?|\d*\.\d+)([eE][-+]?\d+)?$")
+
+
+def plain(docstring: str | None) -> str:
+    """Return a docstring as it is printed, without the marks of its code."""
+    return (docstring or "").replace("``", "").strip()
 
 
 def number(kind: type[int] | type[float], low: float, high: float) -> Callable[[str], float]:

@@ -73,7 +73,7 @@ class HeightScan:
         for name in ("spacing", "noise", "scale", "fill", "delay"):
             object.__setattr__(self, name, _number(name, getattr(self, name)))
         for name, kind in (("order", Order), ("values", Values), ("distribution", Distribution)):
-            require_choice(getattr(self, name), get_args(kind), "height_scan", f"{name} of a height scan")
+            require_choice(getattr(self, name), get_args(kind), "height_scan", f"the {name}")
         _require(all(0.0 <= size <= LARGEST for size in self.size), "size", self.size, f"two of 0 to {LARGEST:g} m")
         _require(0.0 < self.spacing <= LARGEST, "spacing", self.spacing, f"above 0 and at most {LARGEST:g} m")
         _require(all(abs(x) <= LARGEST for x in self.offset), "offset", self.offset, f"within {LARGEST:g} m")
@@ -81,7 +81,7 @@ class HeightScan:
         _require(self.clip[0] < self.clip[1], "clip", self.clip, "a lower and a higher bound")
         _require(math.isfinite(self.scale), "scale", self.scale, "finite")
         _require(0.0 <= self.delay <= LONGEST_DELAY, "delay", self.delay, f"0 to {LONGEST_DELAY:g} s")
-        object.__setattr__(self, "seed", checked_count(self.seed, "height_scan", "seed of a height scan"))
+        object.__setattr__(self, "seed", checked_count(self.seed, "height_scan", "the seed"))
         most = (self.size[0] / self.spacing + 1.0) * (self.size[1] / self.spacing + 1.0)
         _require(most <= MOST_POINTS, "spacing", self.spacing, f"so large that there are at most {MOST_POINTS} points")
 
@@ -167,7 +167,7 @@ def _numbers(name: str, values: Any, count: int) -> tuple[float, ...]:
 
 
 def _require(good: bool, name: str, value: Any, wanted: str) -> None:
-    require(good, "height_scan", f"{name} of a height scan", value, wanted)
+    require(good, "height_scan", f"the {name}", value, wanted)
 
 
 _RELATIVE = HeightScan(values="clearance", offset=(0.0, 0.0, 0.5), clip=(-1.0, 1.0))

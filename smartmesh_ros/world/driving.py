@@ -64,6 +64,7 @@ class Driving:
         self._efforts: dict[tuple[str, str], float] = {}  # [Nm or N] to apply before each step, by robot and joint
         self._stiff: dict[str, Body] = {}  # robots whose damping depends on their posture
         self._undamped = 0  # steps since it was fitted
+        self._linkless: dict[str, Body] = {}  # bodies that lack the link that is to carry a deck, by the deck's name
         self._set_ends({})
 
     def drive(self, name: str, joint: str, velocity: float, force: float | None = None) -> None:
@@ -174,17 +175,19 @@ class Driving:
         if deck in self.terrain.decks:
             self.ground.carry(deck, None)
         self.carried.pop(deck, None)
+        self._linkless.pop(deck, None)
         if carrier is not None:
             self.carried[deck] = carrier
             self.bind_decks()
 
     def bind_decks(self) -> None:
         """Bind the decks to the bodies of these names that are there now. A body that has no such link carries nothing,
-        and the user is told."""
-        for name, carrier in list(self.carried.items()):
+        and the user is told once; a later one of this name may have it."""
+        for name, carrier in self.carried.items():
             deck, body = self.terrain.decks.get(name), self.bodies.get(carrier.body)
-            if deck is not None and body is not None and body.uid != deck.body:
-                self._bind(name, body, carrier)
+            if deck is None or body is None or body.uid == deck.body or self._linkless.get(name) is body:
+                continue
+            self._bind(name, body, carrier)
 
     def _bind_anew(self) -> None:
         """Bind the decks that bodies of another client carried; those whose carriers are not here rest."""
@@ -205,8 +208,8 @@ class Driving:
         try:
             link = link_of(body, carrier.link) if carrier.link else -1
         except InputError as error:
-            self.say(f"nothing carries deck {name!r} any more: {error}")
-            del self.carried[name]
+            self.say(f"nothing carries deck {name!r}: {error}")
+            self._linkless[name] = body
             self.ground.carry(name, None)
             return
         centre = body.inertial if link < 0 else Transform(*self.client.getLinkState(body.uid, link)[2:4])

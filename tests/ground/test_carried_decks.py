@@ -138,6 +138,22 @@ def test_a_lift_carries_a_box_up_also_once_it_is_restored_and_rests_when_the_lif
         assert world.state("box").linear[2] == pytest.approx(0.0, abs=1e-3)
 
 
+def test_a_body_without_the_link_carries_nothing_and_a_later_one_of_its_name_that_has_it_does() -> None:
+    said: list[str] = []
+    with World(terrain_of(ground=level(11, 1.0), cage=Deck(level(5, 0.25), thickness=0.2))) as world:
+        world.say = said.append
+        world.carry("cage", Carrier("lift", "cage"))
+        for _ in range(2):
+            world.spawn("lift", Box(0.3, 0.3, 0.3), 2.0, BodyState((0.0, 0.0, 0.5)))
+            world.step(3)
+            assert world.terrain.deck("cage").body < 0
+            world.remove("lift")
+        assert len(said) == 2 and all("nothing carries deck 'cage'" in words for words in said)
+        world.spawn_robot("lift", LIFT, BodyState((0.0, 0.0, 0.5)))
+        world.step()
+        assert world.terrain.deck("cage").body == world.bodies["lift"].uid
+
+
 SLEDGE = Box(0.7, 0.7, 0.2)
 
 

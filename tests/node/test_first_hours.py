@@ -28,6 +28,8 @@ def test_a_body_that_falls_beside_the_ground_is_named_once_and_removed() -> None
         assert "fell off the ground: outside at (-1.00, 3.00)" in told(run, "bodies")["message"]
         run.run(7.0)
         assert "lost, outside" in told(run, "bodies") and not run.world.bodies
+        messages = [status.message for array in run.received("/diagnostics") for status in array.status]
+        assert messages.count("1 lost in the last second") == 1 and "1 refused in the last second" not in messages
         assert lines(run, "'outside' was 100 m below the ground at (-1.00, 3.00")
         [said] = lines(run, "'outside' at (-1.00, 3.00")
         assert "[WARN]" in said and "falls: there is no ground there" in said
@@ -69,7 +71,9 @@ def test_of_lost_bodies_the_last_ones_and_those_of_the_scene_are_known_and_these
             node.run(2)
             node.world.spawn(f"body {number}", Sphere(0.1), 1.0, BodyState((2.0, 2.0, 0.5)))
         assert node.node.session.lost.keys() == {"first", *(f"body {number}" for number in range(23, 39))}
-        assert node.node.refusals.counts["physics: lost"] == 40
+        diagnostics = node.node._outputs._diagnostics
+        assert diagnostics._bodies()[2]["lost"] == 40
+        assert diagnostics._inputs()[1] == "0 refused so far"
         node.node.reset()
         node.node.turn()
         assert node.world.bodies.keys() == {"first", "body 39"}

@@ -11,9 +11,10 @@ import yaml
 from rcl_interfaces.msg import ParameterType
 from rclpy.parameter import Parameter, parameter_dict_from_yaml_file, parameter_value_to_python
 
-from smartmesh_ros.node.parameters.helping import parameter_file
+from smartmesh_ros.node.parameters.helping import help_text, parameter_file
 from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.node.terrain_collider import TerrainCollider
+from smartmesh_ros.tools.client import command
 from smartmesh_ros.tools.testing import COLLIDER, executable
 from tests.launch_files import LAUNCH, Launch, Recorded, stand_ins
 from tests.node.shared import Logged, made_with, refusal_at_start
@@ -130,10 +131,24 @@ def test_a_printed_parameter_file_says_all_the_defaults(tmp_path: Path, logged: 
     assert warnings(logged()) == []
 
 
+def test_a_printed_parameter_file_of_a_node_without_parameters_can_be_read(tmp_path: Path) -> None:
+    file = tmp_path / "none.yaml"
+    file.write_text(parameter_file("rover", []))
+    with made_with(TerrainCollider, {}, ["--params-file", str(file)]) as node:
+        assert node.values == {spec.name: spec.default for spec in SPECS}
+
+
 def test_the_executable_explains_itself() -> None:
     result = subprocess.run([executable("terrain_collider"), "--help"], capture_output=True, text=True, check=True)
     assert result.stdout.startswith("usage:") and result.stderr == ""
     assert all(spec.name in result.stdout for spec in SPECS)
+
+
+def test_help_prints_no_marks_of_code_and_no_empty_list() -> None:
+    about = "The node ``rover``."
+    assert command.parser().description.startswith("smartmesh: ")
+    assert "The node rover." in help_text("rover", about, SPECS)
+    assert "parameters:" not in help_text("rover", about, [])
 
 
 MAPS = f"qos_overrides.{COLLIDER}/heightmap.subscription"
@@ -210,6 +225,7 @@ MAPS = f"qos_overrides.{COLLIDER}/heightmap.subscription"
         ({"bodies.spawn": ["{id: a/b, urdf: a, xy: [0, 0]}"]}, "cannot name a body; a name is printable text"),
         ({"bodies.spawn": ["{id: x, urdf: a, xy: [0]}"]}, "xy: [x, y] with clearance or above"),
         ({"bodies.spawn": ["{id: x, urdf: a, xyz: [0, 0, 0], align: true}"]}, "clearance and align go with xy alone"),
+        ({"ground_maps": ["{body: x, spacing: 0}"]}, "spacing: 0}': the spacing is 0.0; it must be above 0"),
         ({"decks": ["{deck: ferry}"]}, "frame, odometry, body"),
         ({"decks": ["{deck: ferry, frame: a, body: b}"]}, "frame, odometry, body"),
         ({"decks": ["{deck: ferry, frame: a, link: b}"]}, "a link is that of a body"),

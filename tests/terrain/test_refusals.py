@@ -59,9 +59,9 @@ FERRY.put("", flat())
 # Makers with arguments that cannot be, the reason, and words of the refusal.
 REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
     (scan, "height_scan"): [
-        ({"size": (1.0,)}, "size of a height scan is (1.0,); it must be 2 numbers"), ({"size": (NAN, 1.0)}, "size"),
+        ({"size": (1.0,)}, "the size is (1.0,); it must be 2 numbers"), ({"size": (NAN, 1.0)}, "size"),
         ({"spacing": 0.0}, "above 0"), ({"spacing": 0.001}, "at most 100000 points"),
-        ({"spacing": None}, "spacing of a height scan is None; it must be a number"), ({"noise": True}, "noise"),
+        ({"spacing": None}, "the spacing is None; it must be a number"), ({"noise": True}, "noise"),
         ({"order": "zx"}, "one of ('xy', 'yx')"), ({"values": "depth"}, "one of ('height', 'clearance')"),
         ({"distribution": "pink"}, "one of ('uniform', 'normal')"), ({"offset": (0.0, INF, 0.0)}, "offset"),
         ({"clip": (1.0, -1.0)}, "a lower and a higher bound"), ({"delay": 11.0}, "0 to 10 s"),

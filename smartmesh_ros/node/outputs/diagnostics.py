@@ -73,7 +73,7 @@ class Diagnostics:
         self._window, self._clock_window = PaceWindow(session), PaceWindow(session, session.clock.pace)
         self._rhythm, self._look = Rhythm(session.clock.steady()), Rhythm()
         self._connections: dict[str, int] = {}  # numbers of connected publishers by topic
-        self._refused_before = 0
+        self._refused_before = self._lost_before = 0
         self._waiting_since, self._told = self._session.clock.steady(), False
 
     def publish(self, now: float) -> None:
@@ -154,6 +154,8 @@ class Diagnostics:
     def _bodies(self) -> tuple[bytes, str, dict[str, Any]]:
         world, peers = self._world, self._peers.summaries()
         below = world.below_ground()
+        losses = self._session.losses
+        new_losses, self._lost_before = losses - self._lost_before, losses
         patches, remote = len(world.patches().slots), sum(follower.remote for follower in world.followers)
         values: dict[str, Any] = {
             "simulated": sum(body.simulated for body in world.bodies.values()),
@@ -164,6 +166,7 @@ class Diagnostics:
             "below ground": len(below),
             "falling": len(world.falls.falling),
             "put back onto the ground": world.rescues,
+            "lost": losses,
             **{f"lost, {name}": why for name, why in self._session.lost.items()},
         }
         if peers:
@@ -171,6 +174,8 @@ class Diagnostics:
             values |= {f"peer {name}": words for name, words in peers.items()}
         if below:
             return DiagnosticStatus.ERROR, f"below the ground: {listed(below)}", values
+        if new_losses:
+            return DiagnosticStatus.WARN, f"{new_losses} lost in the last second", values
         if falling := world.falls.falling:
             places = [f"{name} at ({x:.2f}, {y:.2f})" for name, (x, y, _) in falling.items()]
             return DiagnosticStatus.WARN, f"fell off the ground: {listed(places)}", values

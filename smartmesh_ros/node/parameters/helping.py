@@ -15,6 +15,7 @@ from rclpy.utilities import remove_ros_args
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.declaring import Spec, refused_arguments
+from smartmesh_ros.startup.arguments import plain
 from smartmesh_ros.startup.remappings import refuse_expanded
 from smartmesh_ros.yaml_text import parsed_yaml
 
@@ -60,8 +61,9 @@ def answer(name: str, about: str | None, specs: Sequence[Spec], args: Sequence[s
 
 def help_text(name: str, about: str | None, specs: Sequence[Spec]) -> str:
     """Return the help of an executable: its purpose, options and parameters."""
-    lines = [f"usage: ros2 run smartmesh_ros {name} [options] [--ros-args ...]", "", (about or "").strip()]
-    lines += ["", "options:", *(f"  {option:22}{text}" for option, text in OPTIONS.items()), "", "parameters:"]
+    lines = [f"usage: ros2 run smartmesh_ros {name} [options] [--ros-args ...]", "", plain(about)]
+    lines += ["", "options:", *(f"  {option:22}{text}" for option, text in OPTIONS.items())]
+    lines += ["", "parameters:"] if specs else []
     for spec in specs:
         lines.append(f"  {spec.name} = {typed(spec.default)}{_limits(spec)}")
         lines += textwrap.wrap(spec.description, WIDTH, initial_indent="      ", subsequent_indent="      ")
@@ -70,7 +72,8 @@ def help_text(name: str, about: str | None, specs: Sequence[Spec]) -> str:
 
 def parameter_file(name: str, specs: Sequence[Spec]) -> str:
     """Return a file for ``--params-file`` that sets every parameter to its default; comments give the descriptions."""
-    lines = [f"# Every parameter of {name}, at its default.", "/**:", "  ros__parameters:"]
+    start = "  ros__parameters:" if specs else "  ros__parameters: {}"  # rcl cannot read a mapping without entries
+    lines = [f"# Every parameter of {name}, at its default.", "/**:", start]
     for spec in specs:
         comment = spec.description + _limits(spec)
         lines += textwrap.wrap(comment, WIDTH, initial_indent="    # ", subsequent_indent="    # ")

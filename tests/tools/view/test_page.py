@@ -188,7 +188,7 @@ def test_a_refusal_is_told_once(probe: Probe, page: Any) -> None:
     playwright scrolls the folder, and its opening scrolls it back."""
     page.get_by_text("Step and reset").click()
     page.get_by_role("button", name="Step", exact=True).press("Enter")
-    told = page.get_by_text("the physics is running; call ~/pause with data: true first")
+    told = page.get_by_text("the physics is running; pause it first")
     wait(probe, page, told.count)
     page.wait_for_timeout(1000)
     assert told.count() == 1
