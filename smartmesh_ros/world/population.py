@@ -204,14 +204,14 @@ class Population(Driving):
 
     def _remove(self, name: str) -> None:
         self._discard(self.body(name))
-        del self.bodies[name]
+        del self._bodies[name]
 
     def _exchange(self, old: Body, new: Body) -> None:
         """Put a new body in the place of another; the old one stays if PyBullet fails."""
         self._put_on_ground(new)
         with undone(lambda: self._discard(new)):
             self._discard(old)
-        del self.bodies[old.name]  # the new one comes last, as one that was added
+        del self._bodies[old.name]  # the new one comes last, as one that was added
         self._enter(new)
 
     def _discard(self, body: Body) -> None:
@@ -220,6 +220,10 @@ class Population(Driving):
         self.ground.detach(body.uid)
         with undone(lambda: self._put_on_ground(body, belts)):
             self.client.removeBody(body.uid)
+        self._forget(body)
+
+    def _forget(self, body: Body) -> None:
+        """Forget what a body that is gone did."""
         self._release_decks(body)
         self._efforts = {key: effort for key, effort in self._efforts.items() if key[0] != body.name}
         self._stiff.pop(body.name, None)
@@ -237,7 +241,7 @@ class Population(Driving):
         self._enter(body)
 
     def _enter(self, body: Body) -> None:
-        self.bodies[body.name] = body
+        self._bodies[body.name] = body
         if body.stiff:
             self._stiff[body.name] = body
         for note in body.notes:

@@ -271,6 +271,11 @@ void add_ground(nb::module_& m) {
              return find_below(held->now, held->attached);
            })
       .def("find_nowhere", [](const Ground& g, double farthest) { return find_nowhere(g.world()->attached, farthest); })
+      .def_prop_ro("has_gone",
+                   [](const Ground& g) {
+                     const HeldWorld found = g.find_world();
+                     return found.world != nullptr && found->attached.has_gone();
+                   })
       .def("find_gone", [](const Ground& g, bool of_proxies) { return g.world()->attached.find_gone(of_proxies); })
       .def("is_ground", &Ground::is_ground, "body"_a)
       .def("is_asleep", &Ground::is_asleep, "slot"_a)
