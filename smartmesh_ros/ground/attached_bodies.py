@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable
-from functools import partial
 from numbers import Integral
 from typing import Any
 
@@ -107,13 +106,10 @@ class AttachedBodies:
         self.followers.require_new(body, list(shapes))
         if not len(self.followers):
             self.contacts.begin(self.clock, time_step_of(self._client))
-        added: list[int] = []
-        with undone(lambda: self._take_off(added)):
+        with undone(lambda: self._take_off([follower.slot for follower in made if follower.slot >= 0])):
             for follower in made:
                 self.followers.add(follower)
-                with undone(partial(self.followers.remove, follower.slot)):
-                    self.contacts.attach(follower)
-                added.append(follower.slot)
+                self.contacts.attach(follower)
         return made[0]
 
     def is_ground(self, body: object) -> bool:
@@ -130,9 +126,13 @@ class AttachedBodies:
         contacts = self.contacts
         if not contacts.core.has_gone:
             return
-        for slot in contacts.core.find_gone(False):
-            self.note_gone(self.followers[slot])
-            self._take_off([slot])
+        gone = contacts.core.find_gone(False)
+        for follower in [each for each in self.followers if each.slot in gone]:
+            self.note_gone(follower)
+            contacts.remove_proxy(follower)
+            self.followers.remove(follower.slot)
+        for slot in gone:
+            contacts.core.detach(slot)
         if bare := contacts.core.find_gone(True):
             bodies = listed(sorted({str(self.followers[slot].body) for slot in bare}))
             log.warning("the ground under body %s was removed from PyBullet, and is put back; see detach", bodies)

@@ -207,7 +207,6 @@ class World(SavedWorld):
         """Forget the body of a follower, which was removed through ``client``."""
         body = self._bodies.get(follower.name.partition("/")[0])
         if body is not None and body.uid == follower.body:
-            del self._bodies[body.name]
             self._forget(body)
             self._note_lost(body, "was removed through PyBullet")
 
