@@ -114,7 +114,10 @@ class AttachedBodies:
 
     def is_ground(self, body: object) -> bool:
         """Return True if a PyBullet body stands for the ground, such as the other body of a contact point."""
-        return isinstance(body, Integral) and bool(self.contacts.core.is_ground(body))
+        try:
+            return isinstance(body, Integral) and bool(self.contacts.core.is_ground(body))
+        except TypeError:  # larger than PyBullet's numbers
+            return False
 
     def detach(self, body: int) -> None:
         """Take ``body`` and its links off the ground. A body that is removed from PyBullet is taken off by itself."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from numbers import Integral
+from typing import Any
 
 from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.errors import InputError, as_float, require
@@ -131,9 +133,15 @@ class Followers:
         self._items[slot], self.epoch = None, epoch
         self._unused += [slot]
 
-    def of(self, body: int) -> list[int]:
-        """Slots of a PyBullet body and its links, empty if it is not attached."""
-        return self._slots.get(body, [])
+    def of(self, body: Any) -> list[int]:
+        """Slots of a PyBullet body and its links, empty if it is not attached. Raises `InputError` if it is no
+        number."""
+        found = self._slots.get(body)
+        if found is None and not isinstance(body, Integral):
+            raise InputError(
+                "unknown_body", f"there is no body {body!r}; pass the number that loadURDF or createMultiBody returned"
+            )
+        return found or []
 
     def at(self, body: int, link: int) -> Follower | None:
         """Return the follower of a PyBullet body's link, None if it is not attached."""

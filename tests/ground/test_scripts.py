@@ -139,6 +139,12 @@ def times() -> Iterator[Callable[[int], Any]]:
         (lambda c: Ground(c, level()).step(0.0, 0.01), "steps 0.004166666666666667 s; call setTimeStep(0.01)"),
         (lambda c: Ground(c, level()).set_soil("clay"), "pass Soil(ground.terrain, ...)"),
         (lambda c: Ground(c, level()).let_sleep(True), "pass SleepConfig(...), or None"),
+        *(
+            (lambda c, name=name: [g := Ground(c, level()), getattr(g, name)(g.attach(ball_in(c)))], "pass the number")
+            for name in ("detach", "wake", "is_asleep")
+        ),
+        (lambda c: Ground(c, level()).detach("robot"), "no body 'robot'"),
+        (lambda c: World(level()).save(extra=5), "the extra state is 5; it must be a dict"),
         (lambda c: [g := Ground(c, level()), g.attach(b := ball_in(c)), g.drive(b, -1, None, 1.0)], "three numbers"),
         (lambda c: Ground(c, level()).step(0.0, None), "dt is None s"),
         *settings(),
