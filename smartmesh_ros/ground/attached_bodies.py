@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from functools import partial
+from collections.abc import Callable
 from numbers import Integral
 from typing import Any
 
@@ -43,6 +43,7 @@ class AttachedBodies:
         self._terrain = Terrain.of(terrain)
         self.stopwatch = Stopwatch.of(stopwatch)
         self.followers = Followers()
+        self.note_gone: Callable[[Follower], object] = lambda _: None  # of a world of bodies
         self._soil: Soil | None = None
         self._shown: ShownGround | None = None
         self._printed = math.nan  # time at which prints of the soil were written into its map [s]
@@ -99,35 +100,42 @@ class AttachedBodies:
         require_body(self._client, body, link)
         if self.is_ground(body):
             raise InputError("unknown_body", f"body {body} is a piece of this ground; attach what stands on it")
-        self._drop_gone()
+        self.drop_gone()
         shapes = shapes_of(self._client, body, link, shape, radius)
         made = [Follower(body, each, record, solid, own=solid) for each, record in shapes.items()]
         self.followers.require_new(body, list(shapes))
         if not len(self.followers):
             self.contacts.begin(self.clock, time_step_of(self._client))
-        added: list[int] = []
-        with undone(lambda: self._take_off(added)):
+        with undone(lambda: self._take_off([follower.slot for follower in made if follower.slot >= 0])):
             for follower in made:
                 self.followers.add(follower)
-                with undone(partial(self.followers.remove, follower.slot)):
-                    self.contacts.attach(follower)
-                added.append(follower.slot)
+                self.contacts.attach(follower)
         return made[0]
 
     def is_ground(self, body: object) -> bool:
         """Return True if a PyBullet body stands for the ground, such as the other body of a contact point."""
-        return isinstance(body, Integral) and bool(self.contacts.core.is_ground(body))
+        try:
+            return isinstance(body, Integral) and bool(self.contacts.core.is_ground(body))
+        except TypeError:  # larger than PyBullet's numbers
+            return False
 
     def detach(self, body: int) -> None:
         """Take ``body`` and its links off the ground. A body that is removed from PyBullet is taken off by itself."""
         self._take_off(list(self.followers.of(body)))
 
-    def _drop_gone(self) -> None:
-        """Take off what was removed from PyBullet, whose number another body may have by now. Pieces of the ground that
-        were removed are put back."""
+    def drop_gone(self) -> None:
+        """Take off what was removed from PyBullet, whose number another body may have by now, and tell ``note_gone``.
+        Pieces of the ground that were removed are put back."""
         contacts = self.contacts
-        if gone := contacts.core.find_gone(False):
-            self._take_off(gone)
+        if not contacts.core.has_gone:
+            return
+        gone = contacts.core.find_gone(False)
+        for follower in [each for each in self.followers if each.slot in gone]:
+            self.note_gone(follower)
+            contacts.remove_proxy(follower)
+            self.followers.remove(follower.slot)
+        for slot in gone:
+            contacts.core.detach(slot)
         if bare := contacts.core.find_gone(True):
             bodies = listed(sorted({str(self.followers[slot].body) for slot in bare}))
             log.warning("the ground under body %s was removed from PyBullet, and is put back; see detach", bodies)

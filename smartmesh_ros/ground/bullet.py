@@ -114,9 +114,12 @@ def is_fixed(client: Any, body: int) -> bool:
 
 @contextmanager
 def undone(undo: Callable[[], object]) -> Iterator[None]:
-    """Call ``undo`` if the block raises, and let its error pass."""
+    """Call ``undo`` if the block raises, and let its error pass, with a note if ``undo`` fails, too."""
     try:
         yield
-    except BaseException:
-        undo()
+    except BaseException as error:
+        try:
+            undo()
+        except Exception as failed:  # noqa: BLE001 - whatever it is, it came second
+            error.add_note(f"what was done before is not undone: {failed}")
         raise

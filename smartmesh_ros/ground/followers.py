@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from numbers import Integral
+from typing import Any
 
 from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.errors import InputError, as_float, require
@@ -109,30 +111,37 @@ class Followers:
 
     def add(self, follower: Follower) -> None:
         """Give a follower a slot; its body and link must have none."""
-        slots = self._slots.setdefault(follower.body, [])
+        slot = self._unused[-1] if self._unused else len(self._items)
+        slots, epoch = [*self.of(follower.body), slot], next_revision()
+        # A signal is handled after a call, and there is none from here on: an interrupt leaves all or nothing.
         if self._unused:
-            slot = self._unused.pop()
+            del self._unused[-1]
+            self._items[slot] = follower
         else:
-            slot = len(self._items)
-            self._items.append(None)
-        follower.slot = slot
-        slots.append(slot)
-        self._items[slot] = follower
-        self.epoch = next_revision()
+            self._items += [follower]
+        follower.slot, self._slots[follower.body], self.epoch = slot, slots, epoch
 
     def remove(self, slot: int) -> None:
         """Free a slot."""
-        slots = self._slots[self[slot].body]
-        slots.remove(slot)
-        if not slots:
-            del self._slots[self[slot].body]
-        self._items[slot] = None
-        self._unused.append(slot)
-        self.epoch = next_revision()
+        body = self[slot].body
+        slots, epoch = [each for each in self.of(body) if each != slot], next_revision()
+        # As in `add`.
+        if slots:
+            self._slots[body] = slots
+        else:
+            del self._slots[body]
+        self._items[slot], self.epoch = None, epoch
+        self._unused += [slot]
 
-    def of(self, body: int) -> list[int]:
-        """Slots of a PyBullet body and its links, empty if it is not attached."""
-        return self._slots.get(body, [])
+    def of(self, body: Any) -> list[int]:
+        """Slots of a PyBullet body and its links, empty if it is not attached. Raises `InputError` if it is no
+        number."""
+        found = self._slots.get(body)
+        if found is None and not isinstance(body, Integral):
+            raise InputError(
+                "unknown_body", f"there is no body {body!r}; pass the number that loadURDF or createMultiBody returned"
+            )
+        return found or []
 
     def at(self, body: int, link: int) -> Follower | None:
         """Return the follower of a PyBullet body's link, None if it is not attached."""

@@ -62,7 +62,7 @@ class Ground(SavedBodies):
         if self.soil is not None:
             self.check_soil()
         if self.contacts.begin(time, dt):
-            self._drop_gone()
+            self.drop_gone()
         if self.soil is not None and not 0.0 <= time - self._printed < PRINT_PERIOD:
             self._printed = time
             self.soil.show()

@@ -79,21 +79,24 @@ class MapContacts:
 
     def detach(self, slots: list[int]) -> None:
         """Remove the proxies of followers: all, or none if PyBullet fails."""
-        gone: list[int] = []
-        with undone(lambda: self.attach_again(gone)):
+        with undone(lambda: self.attach_again(slots)):
             for slot in slots:
                 follower = self._followers[slot]
-                if self.core.is_there:
-                    if follower.collider is not None and self.core.is_ground(follower.collider):
-                        self._client.removeBody(follower.collider)
+                self.remove_proxy(follower)
+                if self.core.is_there and self.core.has(slot):
                     self.core.detach(slot)
-                follower.collider = None
-                gone.append(slot)
+
+    def remove_proxy(self, follower: Follower) -> None:
+        """Remove the proxy of a follower from PyBullet, if it is there."""
+        if follower.collider is not None and self.core.is_ground(follower.collider):
+            self._client.removeBody(follower.collider)
+        follower.collider = None
 
     def attach_again(self, slots: list[int]) -> None:
-        """Give detached followers new proxies."""
+        """Give those followers new proxies that are detached."""
         for slot in slots:
-            self.attach(self._followers[slot])
+            if not self.core.has(slot):
+                self.attach(self._followers[slot])
 
     def note_kind(self, follower: Follower) -> None:
         """Tell the core who moves a follower."""

@@ -40,7 +40,7 @@ class SavedBodies(AttachedBodies):
         """
         with self._hidden():
             self._require_exact()
-            self._drop_gone()
+            self.drop_gone()
             data = state_file.to_bytes(KIND, {**self.laid(), **self._memory(), "links": self._links})
         if file is not None:
             state_file.write(data, file)
@@ -57,7 +57,7 @@ class SavedBodies(AttachedBodies):
         """
         self._require_exact()
         tree = state_file.from_bytes(state_file.read(state), KIND, TYPES)
-        self._drop_gone()
+        self.drop_gone()
         self._require_same(tree)
         with self._hidden():
             self._replace(tree)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smartmesh_ros.core import CORE
+from smartmesh_ros.ground.bullet import NoClient
 from smartmesh_ros.ground.followers import Followers
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.deck import name_of_tile
@@ -69,6 +70,10 @@ class ShownPatches:
         self.slots: IntArray = np.empty(0, np.int64)  # of the bodies that have a patch
         self._terrain, self._followers, self._stopwatch = terrain, followers, stopwatch
         self._core = CORE.Patches(terrain.core)
+
+    def __reduce__(self) -> tuple[type[NoClient], tuple[str]]:
+        """Return what takes the place of a copy, as for the ground itself."""
+        return NoClient, ("these patches are a copy, and PyBullet's world cannot be copied: copy patches.table()",)
 
     def find(self, states: FloatArray, time: float) -> None:
         """Find the patches of bodies with ``states`` (S, 13) at ``time`` [s]. Cells are found by grid traversal, and

@@ -100,7 +100,11 @@ class RayCaster:
     """Casts rays onto a terrain. Heights of one instant are kept until the ground has moved on."""
 
     def __init__(self, terrain: Terrain) -> None:
+        self._terrain = terrain
         self._core: Any = CORE.RayCaster(terrain.core)
+
+    def __reduce__(self) -> tuple[type[RayCaster], tuple[Terrain]]:
+        return type(self), (self._terrain,)
 
     def cast(self, rays: Rays, time: float) -> GroundHits:
         """Return where rays meet the ground at ``time`` [s], from either side. They pass through holes. Where tiles

@@ -58,7 +58,7 @@ class Driving:
 
     def _begin(self, client: Any, ground: Ground, physics: PhysicsConfig) -> None:
         """Start without bodies."""
-        self.bodies: dict[str, Body] = {}
+        self._bodies: dict[str, Body] = {}
         self.client, self.ground = client, ground
         self._factory = BodyFactory(client, physics)
         self._efforts: dict[tuple[str, str], float] = {}  # [Nm or N] to apply before each step, by robot and joint
@@ -71,6 +71,12 @@ class Driving:
         """Drive a robot's joint at ``velocity`` [rad/s or m/s] with at most ``force`` [Nm or N], None = the joint's
         limit; or one of its driven surfaces at ``velocity`` [m/s]."""
         self.command(name, joint, JointCommand(velocity=velocity, effort=force))
+
+    @property
+    def bodies(self) -> dict[str, Body]:
+        """The bodies by name, without those that were removed through ``client``."""
+        self.ground.drop_gone()
+        return self._bodies
 
     @property
     def terrain(self) -> Terrain:
@@ -113,7 +119,7 @@ class Driving:
                 if not self.ground.is_asleep(body.uid):
                     self._factory.damp(body)
         for (name, joint), effort in self._efforts.items():
-            body = self.bodies[name]
+            body = self._bodies[name]
             self.client.setJointMotorControl2(body.uid, body.joints[joint], pb.TORQUE_CONTROL, force=effort)
 
     def _stop_overdue(self) -> None:

@@ -35,8 +35,9 @@ class Falls:
         """Check all awake bodies at ``time`` [s]; falling ones only if a period is over since the last check. Returns a
         line about bodies that began to fall, empty if none did; and why bodies are lost, by name."""
         core, config = self._ground.contacts.core, self.config
-        if nowhere := core.find_nowhere(FARTHEST_BODY):
-            return "", {self._name(slot): NOWHERE for slot in nowhere}
+        if core.find_nowhere(FARTHEST_BODY):
+            self._ground.drop_gone()
+            return "", {self._name(slot): NOWHERE for slot in core.find_nowhere(FARTHEST_BODY)}
         if 0.0 <= time - self.checked < config.period or self._ground.terrain.empty:
             return "", {}
         self.checked = time

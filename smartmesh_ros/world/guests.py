@@ -176,7 +176,7 @@ class Guests:
     def _remove(self, known: GuestOwner, names: list[str]) -> None:
         for name in names:
             self._world.remove_guest(name)
-            del known.guests[name]
+            known.guests.pop(name, None)
 
     def _follow(self, known: GuestOwner, now: Received) -> None:
         """Set guests to their owner's states if there are new ones; in a lasting contact blend them instead; otherwise

@@ -5,13 +5,15 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import Any
 
+import pybullet as pb
 from numpy.typing import ArrayLike
 
 from smartmesh_ros.errors import InputError, as_float, require_body_name, require_flag
 from smartmesh_ros.ground.bullet import undone
-from smartmesh_ros.ground.followers import Belt, Followers
+from smartmesh_ros.ground.followers import Followers
 from smartmesh_ros.ground.limits import require_possible
 from smartmesh_ros.ground.shapes import Shape, Solid, Sphere
 from smartmesh_ros.ground.state import BodyState
@@ -203,27 +205,27 @@ class Population(Driving):
         return body
 
     def _remove(self, name: str) -> None:
-        self._discard(self.body(name))
-        del self.bodies[name]
+        """Remove a body; it stays if PyBullet fails."""
+        body = self.body(name)
+        self.client.removeBody(body.uid)
+        self._forget(body)
+        with suppress(pb.error):  # its piece of ground goes with the next look at the bodies
+            self.ground.drop_gone()
 
     def _exchange(self, old: Body, new: Body) -> None:
         """Put a new body in the place of another; the old one stays if PyBullet fails."""
-        self._put_on_ground(new)
-        with undone(lambda: self._discard(new)):
-            self._discard(old)
-        del self.bodies[old.name]  # the new one comes last, as one that was added
-        self._enter(new)
+        with undone(lambda: self._take_out(new)):
+            self._put_on_ground(new)
+            self._remove(old.name)
+            self._enter(new)  # it comes last, as one that was added
 
-    def _discard(self, body: Body) -> None:
-        """Take a body out of PyBullet; it stays if PyBullet fails."""
-        belts = self._belts(body)
-        self.ground.detach(body.uid)
-        with undone(lambda: self._put_on_ground(body, belts)):
-            self.client.removeBody(body.uid)
+    def _forget(self, body: Body) -> None:
+        """Forget a body that is gone, and what it did."""
         self._release_decks(body)
         self._efforts = {key: effort for key, effort in self._efforts.items() if key[0] != body.name}
         self._stiff.pop(body.name, None)
         self._set_ends({key: end for key, end in self._ends.items() if key[0] != body.name})
+        del self._bodies[body.name]
 
     def _require_free(self, name: str) -> None:
         require_body_name(name)
@@ -233,11 +235,12 @@ class Population(Driving):
             raise InputError("duplicate_id", f"there is a body {name!r} already; remove it or choose another name")
 
     def _add(self, body: Body) -> None:
-        self._put_on_ground(body)
-        self._enter(body)
+        with undone(lambda: self._take_out(body)):
+            self._put_on_ground(body)
+            self._enter(body)
 
     def _enter(self, body: Body) -> None:
-        self.bodies[body.name] = body
+        self._bodies[body.name] = body
         if body.stiff:
             self._stiff[body.name] = body
         for note in body.notes:
@@ -245,16 +248,15 @@ class Population(Driving):
         for warning in body.warnings:
             self.say(f"robot {body.name!r}: {warning}")
 
-    def _put_on_ground(self, body: Body, belts: dict[str, Belt] | None = None) -> None:
-        """Attach a body that PyBullet has to the ground; removes it from PyBullet if that fails."""
-        with undone(lambda: self._take_out(body)):
-            for index, link in links_of(body).items():
-                shape = body.shapes.get(index, body.shape)
-                follower = self.ground.attach(body.uid, index, solid=not body.tracked, shape=shape)
-                follower.name = f"{body.name}/{link}" if link else body.name
-                self.ground.set_owner(follower.slot, own=body.simulated and not body.fixed, remote=bool(body.owner))
-            self._move_belts(body, belts or {})
+    def _put_on_ground(self, body: Body) -> None:
+        """Attach a body that PyBullet has to the ground."""
+        for index, link in links_of(body).items():
+            shape = body.shapes.get(index, body.shape)
+            follower = self.ground.attach(body.uid, index, solid=not body.tracked, shape=shape)
+            follower.name = f"{body.name}/{link}" if link else body.name
+            self.ground.set_owner(follower.slot, own=body.simulated and not body.fixed, remote=bool(body.owner))
 
     def _take_out(self, body: Body) -> None:
-        self.ground.detach(body.uid)
+        """Remove what `_put_on_ground` was given."""
         self.client.removeBody(body.uid)
+        self.ground.drop_gone()

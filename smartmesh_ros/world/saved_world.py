@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import pybullet as pb
 
-from smartmesh_ros.errors import checked_count, counted
+from smartmesh_ros.errors import checked_count, counted, require
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.shapes import Hull
 from smartmesh_ros.terrain import state_file
@@ -101,8 +101,9 @@ class SavedWorld(Population):
         which their owners send again, and what was set through ``client``. This world is rebuilt from the state, so
         that it goes on to the last bit as any that is restored from it: both start without the impulses of the contacts
         before, and what slept wakes, and sleeps again after a few steps. Raises `InputError` if the file cannot be
-        written.
+        written, or ``extra`` is no dict.
         """
+        require(extra is None or isinstance(extra, dict), "state", "the extra state", extra, "a dict, or None")
         data = self._saved(extra)
         if file is not None:
             state_file.write(data, file)

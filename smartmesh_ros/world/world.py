@@ -14,13 +14,14 @@ from pybullet_utils.bullet_client import BulletClient
 from smartmesh_ros.errors import InputError, as_float, checked_count, require
 from smartmesh_ros.ground.bullet import BulletCalls, NoClient, undone
 from smartmesh_ros.ground.config import set_up
+from smartmesh_ros.ground.followers import Follower
 from smartmesh_ros.ground.ground import Ground
 from smartmesh_ros.ground.shown_patches import ShownPatches
 from smartmesh_ros.stopwatch import Stopwatch
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.height_scan import HeightScan, require_scan, yaws_of
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
-from smartmesh_ros.world.bodies import BodyFactory
+from smartmesh_ros.world.bodies import Body, BodyFactory
 from smartmesh_ros.world.contacts import GroundContact, GroundWrench, ground_contacts, wrenches_of_step
 from smartmesh_ros.world.driving import Carrier
 from smartmesh_ros.world.falling import Falls
@@ -70,6 +71,7 @@ class World(SavedWorld):
         set_up(client, self.config.physics)
         ground = self._new_ground(client)
         self._begin(client, ground, self.config.physics)
+        ground.note_gone = self._note_gone
         self.guests = Guests(self, self.config.guests)
         self.falls = Falls(ground, self.config.falls)
         self._let_sleep()
@@ -197,12 +199,22 @@ class World(SavedWorld):
         if line:
             self.say(line)
         for name, why in gone.items():
-            owner = self.bodies[name].owner
+            body = self.body(name)
             self._remove(name)
-            if owner:
-                self.guests.dropped(name)
-            else:
-                self.lost[name] = why
+            self._note_lost(body, why)
+
+    def _note_gone(self, follower: Follower) -> None:
+        """Forget the body of a follower, which was removed through ``client``."""
+        body = self._bodies.get(follower.name.partition("/")[0])
+        if body is not None and body.uid == follower.body:
+            self._forget(body)
+            self._note_lost(body, "was removed through PyBullet")
+
+    def _note_lost(self, body: Body, why: str) -> None:
+        if body.owner:
+            self.guests.dropped(body.name)
+        else:
+            self.lost[body.name] = why
 
     def _let_sleep(self) -> None:
         self.ground.let_sleep(self.config.sleep if self.config.physics.sleep else None)

@@ -136,7 +136,7 @@ def test_a_piece_of_ground_that_is_removed_is_put_back(
     assert follower is not None and follower.collider is not None
     client.removeBody(follower.collider)
     assert not ground.is_ground(follower.collider)
-    assert not any(map(ground.is_ground, ("x", 1.5, None)))
+    assert not any(map(ground.is_ground, ("x", 1.5, None, 10**30, -(10**30))))
     other = put(client, BALL, (1.0, 0.0, BALL.radius))  # gets the number
     assert other == follower.collider
     if cleared:

@@ -27,10 +27,14 @@ from smartmesh_ros import (
     World,
     WorldConfig,
 )
+from smartmesh_ros.core import CORE
+from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.ground.config import SleepConfig
 from smartmesh_ros.soil.soil import Soil
+from smartmesh_ros.terrain.surface_query import checked_rays
 from smartmesh_ros.terrain.trimesh import TriangleMesh
 from smartmesh_ros.world.settings import FallConfig, GuestConfig
+from tests.bodies import TETRAHEDRON
 from tests.grounds import level, terrain_of
 
 
@@ -135,6 +139,12 @@ def times() -> Iterator[Callable[[int], Any]]:
         (lambda c: Ground(c, level()).step(0.0, 0.01), "steps 0.004166666666666667 s; call setTimeStep(0.01)"),
         (lambda c: Ground(c, level()).set_soil("clay"), "pass Soil(ground.terrain, ...)"),
         (lambda c: Ground(c, level()).let_sleep(True), "pass SleepConfig(...), or None"),
+        *(
+            (lambda c, name=name: [g := Ground(c, level()), getattr(g, name)(g.attach(ball_in(c)))], "pass the number")
+            for name in ("detach", "wake", "is_asleep")
+        ),
+        (lambda c: Ground(c, level()).detach("robot"), "no body 'robot'"),
+        (lambda c: World(level()).save(extra=5), "the extra state is 5; it must be a dict"),
         (lambda c: [g := Ground(c, level()), g.attach(b := ball_in(c)), g.drive(b, -1, None, 1.0)], "three numbers"),
         (lambda c: Ground(c, level()).step(0.0, None), "dt is None s"),
         *settings(),
@@ -184,6 +194,42 @@ def test_an_environment_that_holds_a_ground_is_copied_and_reset(client: int, cop
         position, _ = pb.getBasePositionAndOrientation(each.ball, physicsClientId=connected)
         assert position[2] == pytest.approx(0.2, abs=1e-3)
     pb.disconnect(number)
+
+
+# Of the body's own two parts, and given ones.
+SHAPES = {
+    "compound": None, "capsule": BodyShape.capsule(0.1, 0.3), "cylinder": BodyShape.cylinder(0.1, 0.3),
+    "box": BodyShape.box((0.1, 0.2, 0.3), (0.1, 0.0, 0.2), (0.0, 0.6, 0.0, 0.8)),
+    "hull": BodyShape.hull(TETRAHEDRON, 0.01),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_what_a_ground_returned_is_copied_with_it(client: int, copied: Callable[[Any], Any], shape: str) -> None:
+    """To the bit. Patches, which are found in PyBullet's world, say so instead."""
+    ground = Ground(client, level())
+    parts = pb.createCollisionShapeArray(
+        [pb.GEOM_BOX, pb.GEOM_CAPSULE], radii=[0.0, 0.1], halfExtents=[[0.1, 0.2, 0.3], [0.0] * 3], lengths=[0.0, 0.3],
+        collisionFramePositions=[[0.1, 0.0, 0.0], [0.0, 0.0, 0.5]], physicsClientId=client,
+    )  # fmt: skip
+    body = pb.createMultiBody(1.0, parts, physicsClientId=client)
+    follower = ground.attach(body, shape=SHAPES[shape])
+    rays = checked_rays([[0.0, 0.0, 1.0]], [[0.0, 0.1, -1.0]], 3.0)
+    env = SimpleNamespace(
+        ground=ground, follower=follower, followers=ground.followers, rays=ground.rays, patches=ground.find_patches(0.0)
+    )
+    other = copied(copied(env))
+    assert other.follower is not follower and other.followers[0] is other.follower
+    assert vars(other.follower) == vars(follower) | {"shape": other.follower.shape}
+    poses = np.random.default_rng(0).normal(size=(20, 7))
+    for pose in poses / np.linalg.norm(poses[:, 3:], axis=1)[:, None]:
+        mine, its = (CORE.LowerSurface([each.shape]).bounds(pose[None]) for each in (follower, other.follower))
+        np.testing.assert_array_equal(mine, its)
+    for mine, its in zip(env.rays.cast(rays, 0.0), other.rays.cast(rays, 0.0), strict=True):
+        np.testing.assert_array_equal(mine, its)
+    with pytest.raises(InputError, match=r"these patches are a copy.*patches.table\(\)"):
+        other.patches.table()
 
 
 def test_a_copied_world_goes_on_as_its_original_and_soil_is_not_lost() -> None:

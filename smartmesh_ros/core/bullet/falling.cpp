@@ -30,6 +30,7 @@ std::pair<std::vector<int>, std::vector<int>> check_falls(const Instant& now, At
 
 std::vector<int> find_nowhere(const Attached& attached, double farthest) {
   return attached.where([&](const Slot& slot) {
+    if (slot.used && slot.body < 0) return true;
     if (slot.object == nullptr || slot.rest.asleep) return false;
     const btVector3 away = slot.object->getWorldTransform().getOrigin().absolute();
     return !(away.x() <= farthest && away.y() <= farthest && away.z() <= farthest);

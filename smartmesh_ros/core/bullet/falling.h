@@ -15,7 +15,8 @@ namespace smartmesh {
 std::pair<std::vector<int>, std::vector<int>> check_falls(const Instant& now, Attached& attached, double time,
                                                           double depth);
 
-// Returns the slots of awake bodies that are at no place or farther away than some distance [m].
+// Returns the slots of bodies that were removed from PyBullet, and of awake ones that are at no place or farther away
+// than some distance [m].
 std::vector<int> find_nowhere(const Attached& attached, double farthest);
 
 }  // namespace smartmesh

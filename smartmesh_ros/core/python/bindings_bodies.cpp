@@ -49,6 +49,33 @@ auto vertices_of(const BodyShape& shape) {
   return array_of(shape.parts.size() == 1 ? shape.parts[0].vertices : std::vector<Vec3>());
 }
 
+// The numbers of a part, in the order of ShapePart, of which a copy is made.
+using PartNumbers = std::tuple<std::int64_t, Triple, double, Triple, Quadruple, double, Triple, std::vector<Triple>>;
+
+std::vector<PartNumbers> state_of(const BodyShape& body) {
+  std::vector<PartNumbers> found;
+  for (const auto& [shape, inside, vertices] : body.parts) {
+    const auto& [kind, half, rounding, offset, q, radius] = shape;
+    std::vector<Triple> points;
+    for (const Vec3& vertex : vertices) points.push_back(numbers_of(vertex));
+    found.emplace_back(static_cast<std::int64_t>(kind), numbers_of(half), rounding, numbers_of(offset),
+                       Quadruple{q.x, q.y, q.z, q.w}, radius, numbers_of(inside), points);
+  }
+  return found;
+}
+
+void set_state(BodyShape& body, const std::vector<PartNumbers>& state) {
+  std::vector<ShapePart> parts;
+  for (const auto& [kind, half, rounding, offset, q, radius, inside, points] : state) {
+    const BodyPose pose = pose_at(offset, q);
+    const Shape shape{static_cast<ShapeKind>(kind), vector_of(half), rounding, pose.at, pose.orientation, radius};
+    std::vector<Vec3> vertices;
+    for (const Triple& point : points) vertices.push_back(vector_of(point));
+    parts.push_back({shape, vector_of(inside), vertices});
+  }
+  new (&body) BodyShape(std::move(parts));
+}
+
 // Returns how far points (n, 3) are outside the hull of the points `kept` (k, 3) [m], zero for those inside.
 auto distances_outside(const Rows<const Vec3>& kept, const Rows<const Vec3>& points) {
   const Convex of = hull(points_of(kept), 0.0);
@@ -115,6 +142,8 @@ void add_bodies(nb::module_& m) {
             return BodyShape({hull_part(points_of(points), rounding)});
           },
           "points"_a, "rounding"_a = 0.0)
+      .def("__getstate__", &state_of)
+      .def("__setstate__", &set_state)
       .def_prop_ro("kind", [](const BodyShape& s) { return static_cast<int>(s.outline.kind); })
       .def_prop_ro("half", [](const BodyShape& s) { return numbers_of(s.outline.half); })
       .def_prop_ro("rounding", [](const BodyShape& s) { return s.outline.rounding; })

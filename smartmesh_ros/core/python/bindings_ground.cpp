@@ -253,6 +253,8 @@ void add_ground(nb::module_& m) {
       .def("set_tiles", &Ground::set_tiles, "tiles"_a)
       .def("set_kind", &Ground::set_kind, "slot"_a, "solid"_a, "own"_a, "remote"_a)
       .def("attach", &Ground::attach, "slot"_a, "body"_a, "link"_a, "proxy"_a, "shape"_a)
+      .def(
+          "has", [](const Ground& g, int slot) { return g.world()->attached.has(slot); }, "slot"_a)
       .def("detach", &Ground::detach, "slot"_a)
       .def("set_sleep", &Ground::set_sleep, "after"_a, "distance"_a, "joint"_a, "change"_a, "noise"_a, "most"_a)
       .def("wake", &Ground::wake, "slot"_a)
@@ -271,6 +273,11 @@ void add_ground(nb::module_& m) {
              return find_below(held->now, held->attached);
            })
       .def("find_nowhere", [](const Ground& g, double farthest) { return find_nowhere(g.world()->attached, farthest); })
+      .def_prop_ro("has_gone",
+                   [](const Ground& g) {
+                     const HeldWorld found = g.find_world();
+                     return found.world != nullptr && found->attached.has_gone();
+                   })
       .def("find_gone", [](const Ground& g, bool of_proxies) { return g.world()->attached.find_gone(of_proxies); })
       .def("is_ground", &Ground::is_ground, "body"_a)
       .def("is_asleep", &Ground::is_asleep, "slot"_a)
