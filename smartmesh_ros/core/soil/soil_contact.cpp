@@ -273,6 +273,7 @@ SoilSums SoilUnderBody::press(SoilLattice& soil, const MovingSolid& moving, Shea
     sums.sinkage = std::max(sums.sinkage, sinkage);
     points_.offsets.push_back(placed.to_world(under.offset));
     points_.normals.push_back(placed.to_world(under.normal));
+    points_.modulus += (under.soil->shear - points_.modulus) / static_cast<double>(points_.offsets.size());
   }
   rim.slide(moving, points_, step.dt);
   return sums;
