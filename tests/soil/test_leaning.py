@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from itertools import islice
 
 import numpy as np
 import pybullet as pb
@@ -10,7 +11,7 @@ import pytest
 from smartmesh_ros import BodyState, Box, Cylinder, HeightMap, Soil, Sphere, World
 from smartmesh_ros.ground.shapes import Shape
 from studies.soil.vehicles import Cart
-from tests.bodies import about_z
+from tests.bodies import about_z, random_turn
 from tests.grounds import world_of
 from tests.soil.test_soil_world import ALONG, world_on
 
@@ -100,3 +101,27 @@ def test_a_wall_of_soil_higher_than_a_body_does_not_throw_it_up(shape: Shape, sp
             world.step()
             tops.append(world.state("body").position[2] - floor - 0.1)
         assert max(tops) < 0.75 * speed**2 / 9.81 + 0.05  # as high as its energy, with that of its spin, may lift it
+
+
+@pytest.mark.parametrize("rate", [60.0, 240.0])
+@pytest.mark.parametrize("soil", ["sandy_loam", "clay"])
+@pytest.mark.parametrize(
+    "shape", [Cylinder(radius=0.2, height=0.04), Cylinder(radius=0.1, height=0.1), Box(0.4, 0.3, 0.02)]
+)
+def test_soil_gives_no_energy_to_what_is_thrown_onto_it_anyhow(shape: Shape, soil: str, rate: float) -> None:
+    """Its rim or its flat end leaves while the other comes down, and edges cut in from the side."""
+    random = np.random.default_rng(5)
+    for slope in (0.0, 0.25, 0.5) * 3:
+        start = BodyState(
+            (1.8, 2.0, 0.45),
+            tuple(random_turn(random)),
+            (random.uniform(1.0, 3.0), 0.0, random.uniform(-3.0, 0.0)),
+            tuple(random.uniform(-9.0, 9.0, 3)),
+        )
+        with world_on(soil, -slope * ALONG, rate=rate) as world:
+            world.spawn("body", shape, MASS, start)
+            least, gained = math.inf, 0.0
+            for energy in islice(energies(world, "body"), round(0.6 * rate)):
+                least = min(least, energy / MASS)
+                gained = max(gained, energy / MASS - least)
+            assert gained < 0.03

@@ -79,7 +79,9 @@ void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, const Mo
   const bool is_level = placed.shape.is_level;  // then its upright faces do not lift it off samples on their edges
   // A round part passes a sample at the speed of its rim half a step ago: that is right to second order.
   const bool is_round = rolls(placed.shape.solid);
-  const Vec3 half_way = is_round ? Vec3{linear.x, linear.y, 0.0} * (0.5 * step.dt) : Vec3{};
+  Vec3 half_way = is_round ? Vec3{linear.x, linear.y, 0.0} * (0.5 * step.dt) : Vec3{};
+  if (placed.shape.kind == ShapeKind::Cylinder)  // what passes on its rim is no flat end
+    half_way = half_way - placed.shape.axis(2) * dot(half_way, placed.shape.axis(2));
   for (int r = top; r < bottom; ++r) {
     row_.y = (r - placed.row) * spacing;
     look_up(placed.shape, row_), look_up_exact(placed.shape, row_, exact_);
@@ -96,7 +98,7 @@ void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, const Mo
       const LoadedSoil& own = soils_[soil.kind(r, c)];
       const double loaded = sample.step >= step.last ? sample.pressure : 0.0;
       const Vec3 lever = lever_at(offset, normal) * (1.0 / pressing(normal));
-      const Vec3 passing = offset + half_way, facing = is_round ? placed.normal(passing, false) : normal;
+      const Vec3 passing = offset + half_way, facing = is_round ? placed.normal(passing, is_beside) : normal;
       const double rise = dot(linear + cross(angular, passing), facing) / pressing(facing) * step.dt;
       // The part was not above this sample in the last step, and did not go down as far as the soil stands above it: it
       // met a wall higher than itself from the side. Nobody pressed that soil, so it bears nothing and makes room.
@@ -109,8 +111,10 @@ void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, const Mo
       }
       const double before = placed.z + low - rise + dot(lever, to_come);
       const double surface = sample.level - sample.yield.plastic - loaded / own.elastic;
-      const double area = row_.share[k] * spacing * spacing;
-      under_.push_back({&sample, &own, r, c, offset, normal, lever, placed.z + low, before, surface, area, rise > 0.0});
+      const bool leaves = rise > 0.0;
+      const double turns = leaves || loaded <= 0.0 ? before : INFINITE;
+      under_.push_back({&sample, &own, r, c, offset, normal, lever, placed.z + low, before, turns, surface,
+                        row_.share[k] * spacing * spacing, leaves});
     }
   }
 }
@@ -136,14 +140,14 @@ void SoilUnderBody::damp_critically(double mass, double dt) {
 // with it, so that is no speed that damps.
 void SoilUnderBody::load(const Vec3& way) {
   for (Under& under : under_) {
-    const double height = under.low + dot(under.lever, way), sinkage = under.sinkage_at(height);
+    const double height = under.low + dot(under.lever, way), risen = under.risen_at(height);
+    const double sinkage = under.sample->level - under.pressed_at(height), elastic = under.soil->elastic;
     const Yield& before = under.sample->yield;
-    under.pressure = pressure_at(sinkage, before, *under.soil);
+    under.pressure = std::max(0.0, pressure_at(sinkage, before, *under.soil) - elastic * risen);
     const double drag = under.soil->drag * (std::min(under.before, under.surface) - height);
     under.total = under.pressure > 0.0 ? std::max(0.0, under.pressure + drag) : 0.0;
-    under.stiffness = 0.0;
-    if (under.total > 0.0)
-      under.stiffness = stiffness_at(sinkage, under.pressure, before, *under.soil) + under.soil->drag;
+    const double stiffness = risen > 0.0 ? elastic : stiffness_at(sinkage, under.pressure, before, *under.soil);
+    under.stiffness = under.total > 0.0 ? stiffness + under.soil->drag : 0.0;
   }
 }
 
@@ -265,7 +269,8 @@ SoilSums SoilUnderBody::press(SoilLattice& soil, const MovingSolid& moving, Shea
     FineSample& sample = *under.sample;
     sample.pressure = static_cast<float>(under.pressure), sample.step = step.number;
     if (under.pressure <= 0.0) continue;
-    const double sinkage = under.sinkage_at(under.low), before = sample.yield.plastic;
+    const double sinkage = sample.level - under.pressed_at(under.low) - under.risen_at(under.low);
+    const double before = sample.yield.plastic;
     sample.yield = yield_after(sinkage, under.pressure, sample.yield, *under.soil);
     if (sample.yield.plastic > before) soil.note(under.row, under.column);
     if (!(under.area > 0.0)) continue;
@@ -273,6 +278,7 @@ SoilSums SoilUnderBody::press(SoilLattice& soil, const MovingSolid& moving, Shea
     sums.sinkage = std::max(sums.sinkage, sinkage);
     points_.offsets.push_back(placed.to_world(under.offset));
     points_.normals.push_back(placed.to_world(under.normal));
+    points_.modulus += (under.soil->shear - points_.modulus) / static_cast<double>(points_.offsets.size());
   }
   rim.slide(moving, points_, step.dt);
   return sums;

@@ -67,24 +67,24 @@ class SoilUnderBody {
   // A sample under the part, or beside its edge. `offset` [m]: of the underside from its middle, in axes of the grid.
   // Heights [m] without the map's z: of the underside `low`, and at the start of the step that of the underside
   // `before` and of the ground `surface`. Where the underside was below the ground it came there sideways, behind an
-  // edge that slid. `leaves`: the underside rises there.
+  // edge that slid. `turns`: above that height the soil gives way no more, but rises as a spring; infinity if its own
+  // past says so. `leaves`: the underside rises there.
   struct Under {
     FineSample* sample;
     const LoadedSoil* soil;
     int row, column;
     Vec3 offset, normal, lever;
-    double low, before, surface, area;
+    double low, before, turns, surface, area;
     bool leaves;
     double pressure = 0.0, total = 0.0, stiffness = 0.0;
     int quarter = 0;
 
     bool carries() const { return total > 0.0 && area > 0.0; }
-    // Returns the sinkage under an underside at a height [m]. One that leaves does not press the soil further; where it
-    // came there sideways, the ground above it rises with it.
-    double sinkage_at(double height) const {
-      if (!leaves) return sample->level - height;
-      return sample->level - std::max(surface, height + std::max(0.0, surface - before));
-    }
+    // Returns the height [m] down to which an underside at a height presses the soil. One that leaves presses it no
+    // further.
+    double pressed_at(double height) const { return std::max(leaves ? surface : -INFINITE, std::min(height, turns)); }
+    // Returns how far soil below an underside at a height can rise after it [m].
+    double risen_at(double height) const { return std::max(0.0, height - turns); }
   };
   struct Quarter;
 

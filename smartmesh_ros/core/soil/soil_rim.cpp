@@ -11,6 +11,19 @@ constexpr double TURN = 6.283185307179586;
 // Rim speed below which a wheel stands still [m/s].
 constexpr double STILL = 1e-4;
 
+// Returns the shear displacement with the stress that soil has after a further `way` [m]. By Janosi and Hanamoto's law
+// the stress comes to the strength against the motion of the moment over the `modulus` [m], whatever it was before: as
+// shares of the strength, d(stress) = (direction - stress) |d(way)| / modulus.
+Vec3 sheared_on(const Vec3& before, const Vec3& way, double modulus) {
+  const double sheared = norm(before), further = norm(way);
+  if (!(further > 0.0)) return before;
+  const Vec3 direction = way * (1.0 / further);
+  const Vec3 stress = sheared > 0.0 ? before * (-std::expm1(-sheared / modulus) / sheared) : Vec3{};
+  const Vec3 after = direction + (stress - direction) * std::exp(-further / modulus);
+  const double size = norm(after);
+  return size > 0.0 ? after * (std::min(sheared + further, -modulus * std::log1p(-size)) / size) : Vec3{};
+}
+
 }  // namespace
 
 double ShearedRim::at(const Solid& solid, const Vec3& offset, double away) const {
@@ -53,16 +66,20 @@ void ShearedRim::slide(const MovingSolid& moving, const PointsInSoil& points, do
 
 void ShearedRim::slide_all(const MovingSolid& moving, const PointsInSoil& points, double dt) {
   const double count = static_cast<double>(points.offsets.size());
-  Vec3 velocity = moving.surface, normal{};
+  Vec3 velocity = moving.surface, normal{}, middle{};
   for (std::size_t k = 0; k < points.offsets.size(); ++k) {
     velocity = velocity + (moving.linear + cross(moving.angular, points.offsets[k])) * (1.0 / count);
-    normal = normal + points.normals[k];
+    normal = normal + points.normals[k], middle = middle + points.offsets[k] * (1.0 / count);
   }
   normal = unit(normal);
-  const Vec3 u = unit(cross(points.grid, normal));
-  slides_[0].around += dot(velocity, u) * dt;
-  slides_[0].along += dot(velocity, cross(normal, u)) * dt;
-  slides_[0].turned += dot(moving.angular, normal) * dt;
+  double spread = points.spacing * points.spacing / 6.0;  // second moment of the contact, over its area
+  for (const Vec3& offset : points.offsets) spread += norm2(cross(normal, offset - middle)) / count;
+  const double arm = std::sqrt(spread);
+  const Vec3 u = unit(cross(points.grid, normal)), v = cross(normal, u);
+  Slide& slide = slides_[0];
+  const Vec3 way = Vec3{dot(velocity, u), dot(velocity, v), dot(moving.angular, normal) * arm} * dt;
+  const Vec3 sheared = sheared_on({slide.around, slide.along, slide.turned * arm}, way, points.modulus);
+  slide = {sheared.x, sheared.y, sheared.z / arm};
   const bool is_ball = moving.solid.shape->kind == ShapeKind::Ball;
   const Vec3 passing = is_ball ? cross(moving.angular, normal) * moving.solid.shape->rounding : moving.surface;
   const double speed = norm(passing);
@@ -74,7 +91,7 @@ void ShearedRim::slide_all(const MovingSolid& moving, const PointsInSoil& points
   const double length = count * points.spacing * points.spacing / (right - left + points.spacing);
   // The mean displacement of a surface that shears the soil from the edge of the contact on is half that at its end.
   const double stays = std::exp(-2.0 * speed * dt / length);
-  slides_[0].around *= stays, slides_[0].along *= stays, slides_[0].turned *= stays;
+  slide.around *= stays, slide.along *= stays, slide.turned *= stays;
 }
 
 void ShearedRim::slide_places(const MovingSolid& moving, const PointsInSoil& points, double dt) {

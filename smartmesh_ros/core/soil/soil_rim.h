@@ -16,18 +16,20 @@ struct MovingSolid {
 };
 
 // Points of a part in the soil, relative to its middle [m], and normals of its surface there, upwards. `spacing` [m]
-// and direction of the columns of the `grid`, with which the sheared soil turns.
+// and direction of the columns of the `grid`, with which the sheared soil turns; mean `modulus` of shear [m].
 struct PointsInSoil {
   std::vector<Vec3> offsets, normals;
   double spacing = 0.0;
   Vec3 grid;
+  double modulus = 0.0;
 };
 
 // Shear displacement of the soil along the surface of a part. After Wong and Reece (1967), a place of a wheel's rim
 // shears the soil for as long as it takes to pass the contact: so a lying cylinder or capsule has a displacement for
 // each place of its rim. Other shapes have one for all their points; that of balls and tracks passes the contact at the
-// speed of the surface. A displacement is that at the middle of the contact, and an angle by which the surface turned
-// there: away from the middle, that shears the soil too.
+// speed of the surface, and where their motion turns round the soil is soon sheared the other way. A displacement is
+// that at the middle of the contact, and an angle by which the surface turned there: away from the middle, that shears
+// the soil too.
 class ShearedRim {
  public:
   // Returns the displacement at a point, relative to the middle of the part [m]. `away`: from the middle of the contact
