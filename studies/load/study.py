@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from smartmesh_ros import HeightMap
+from smartmesh_ros.errors import counted
 from smartmesh_ros.startup.dds import isolated_unless_chosen, use_large_message_profile
 from studies.load.driver import Case, groups, run_case
 from studies.pages import fill, save, short, table
@@ -204,8 +205,7 @@ def _latency(figure: Figure, summaries: list[Summary]) -> None:
         if s.case.side != 1024 or not s.latencies or s.case.map_rate not in (30.0, 60.0):
             continue
         style = "--" if s.case.mode == "full" else "-"
-        bodies = "1 body" if s.case.bodies == 1 else f"{s.case.bodies} bodies"
-        label = f"{bodies}, {s.case.mode} at {s.case.map_rate:g} Hz, physics {s.case.physics_rate:g} Hz"
+        label = f"{counted(s.case.bodies)}, {s.case.mode} at {s.case.map_rate:g} Hz, physics {s.case.physics_rate:g} Hz"
         axis.ecdf(s.latencies, linestyle=style, linewidth=1.2, label=label)
     axis.set_xscale("log")
     ticks = [2, 5, 10, 20, 50, 100]
