@@ -71,3 +71,21 @@ def test_an_edge_across_the_inner_corner_of_a_rim_is_touched() -> None:
     turn = rotation((-0.226327, 0.562851, 0.689046, -0.396472))
     found = contacts_of(BodyShape.box((0.3, 0.3, 0.3)), ground, turn, (0.49722, 0.737049, 0.174088), MARGIN)
     assert found[:, 6].min(initial=0.0) == pytest.approx(-0.005, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("shape", "turn", "at", "heights"),
+    [
+        (BodyShape.box((0.354, 0.278, 0.346)), (0.1391, 0.9005, 0.1681, -0.3762), (-0.023, -0.079, 0.18),
+         [[-0.083, np.nan, -0.045], [0.015, -0.048, 0.022], [-0.034, np.nan, -0.026]]),
+        (BodyShape.cylinder(0.175, 0.264), (-0.2209, 0.2869, -0.2079, 0.9087), (-0.039, -0.017, 0.208),
+         [[0.045, -0.054, 0.05], [-0.027, 0.003, 0.005], [-0.009, -0.081, -0.007]]),
+    ],
+    ids=["box between two holes", "cylinder on slopes"],
+)  # fmt: skip
+def test_edges_that_end_inside_a_shape_in_a_valley_are_touched(
+    shape: object, turn: tuple[float, float, float, float], at: tuple[float, ...], heights: list[list[float]]
+) -> None:
+    """The sample in the middle is 5 mm inside. All lines of the shape cross the edges of the ground beyond it."""
+    ground = HeightMap(np.array(heights), resolution=0.1, origin=(-0.1, -0.1))
+    assert contacts_of(shape, ground, rotation(turn), at, MARGIN)[:, 6].min(initial=0.0) < -4e-3

@@ -185,20 +185,16 @@ class CylinderTouch {
     double s, t;
     if (!nearest_on_lines(cap_[0], cap_[1], p, q, s, t) || !(s > 0.0 && s < 1.0)) return;
     Vec3 n = unit(cross(axis_, q - p));
-    const Vec3 on_ground = p + (q - p) * t, from_axis = cap_[0] + (cap_[1] - cap_[0]) * s - on_ground;
+    const Vec3 on_ground = p + (q - p) * std::clamp(t, 0.0, 1.0),
+               from_axis = cap_[0] + (cap_[1] - cap_[0]) * s - on_ground;
     if (dot(n, patch_.is_mesh ? from_axis : edge.outward) < 0.0) n = -n;
     const double distance = dot(n, from_axis) - radius_;
-    if (distance > contact_distance_at(on_ground) || !is_on_edge(t, distance, norm2(q - p)) ||
+    if (distance > contact_distance_at(on_ground) || !is_on_edge(t, distance) ||
         !in_cone(patch_, edge, n, cone_slack(approach_, n, distance)))
       return;
-    const Crossing crossing{on_ground + n * distance, axis_, distance};
-    if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, crossing)) return;
+    if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, t, n, distance)) return;
     add(on_ground, n, distance, name_of(BodyFeature::Side, 1), ground_name(patch_, edge.end[0], edge.end[1]),
         NormalOf::Edges, &edge);
-  }
-
-  static bool is_on_edge(double t, double distance, double length2) {
-    return (t > 0.0 && t < 1.0) || (distance < 0.0 && is_at_corner(t, length2, {distance, 0.0, 0.0}));
   }
 
   // Seen along an edge, a rim is an ellipse and the edge a point; only the half of the ellipse beyond the cap counts.
@@ -239,11 +235,10 @@ class CylinderTouch {
     const Vec3 &p = patch_.points[edge.end[0]], &q = patch_.points[edge.end[1]];
     const Vec3 on_rim = cap_[k] + radial * radius_;
     const double t = along_segment(on_rim, p, q);
-    const Vec3 on_ground = p + (q - p) * t;
+    const Vec3 on_ground = p + (q - p) * std::clamp(t, 0.0, 1.0);
     const double distance = dot(n, on_rim - on_ground);
-    if (!is_on_edge(t, distance, norm2(q - p)) || !in_cone(patch_, edge, n, cone_slack(approach_, n, distance, SEAT)))
-      return;
-    if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, {on_rim, cross(axis_, radial), distance})) return;
+    if (!is_on_edge(t, distance) || !in_cone(patch_, edge, n, cone_slack(approach_, n, distance, SEAT))) return;
+    if (distance < 0.0 && !is_shortest(shape_, pose_, patch_, edge, t, n, distance)) return;
     add(on_ground, n, distance, name_of(BodyFeature::Rim, k), ground_name(patch_, edge.end[0], edge.end[1]));
   }
 

@@ -21,18 +21,6 @@ Vec3 outward_of(const Patch& patch, const Edge& ground, const PolyEdge& edge, co
   return edge.faces[0] < 0 ? away : pose.rotation * (edge.into[0] + edge.into[1]);
 }
 
-// Returns the point of a line that is as far below one facet of an edge as below the other. `a`: an end of the edge;
-// `between`: difference of the facets' normals.
-Vec3 deepest_of(const Crossing& line, const Vec3& a, const Vec3& between) {
-  const double closing = dot(between, line.along);
-  return std::abs(closing) > 1e-9 ? line.at - line.along * (dot(between, line.at - a) / closing) : line.at;
-}
-
-// Returns true if a point is in the ball around a shape.
-bool is_near(const Convex& shape, const Pose& pose, const Vec3& p) {
-  return norm(p - pose.at) <= shape.bounding_radius;
-}
-
 // Returns the normal of a pair of edges, that of the face or facet beside them if `n` lies beyond it, and what it turns
 // with.
 std::pair<Vec3, NormalOf> seated(const Polytope& core, const PolyEdge& edge, const Pose& pose, const Patch& patch,
@@ -52,41 +40,36 @@ std::pair<Vec3, NormalOf> seated(const Polytope& core, const PolyEdge& edge, con
 
 }  // namespace
 
-bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, const Edge& edge,
-                 const Crossing& crossing) {
-  const double limit = MUCH_SHORTER * crossing.distance;
+bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, const Edge& edge, double t, const Vec3& n,
+                 double distance) {
+  const double limit = MUCH_SHORTER * distance;
   const Vec3 &a = patch.points[edge.end[0]], &b = patch.points[edge.end[1]];
-  Vec3 corners[4] = {pose.to_local(a), pose.to_local(b)}, normals[2];
+  Vec3 corners[4] = {pose.to_local(a), pose.to_local(b)};
+  if (!is_passed(shape, corners[0], corners[1])) return false;
   int count = 2;
   for (int k : edge.opposite) {
     if (k < 0) continue;
-    Vec3& normal = normals[count - 2];
-    normal = unit(cross(b - a, patch.points[k] - a));
+    Vec3 normal = unit(cross(b - a, patch.points[k] - a));
     const bool is_rim = patch.is_mesh && edge.opposite[1] < 0;  // of a sheet, which the shape leaves to its own side
     if (dot(normal, is_rim ? pose.to_world(shape.centre) - a : edge.outward) < 0.0) normal = -normal;
     if (lowest(shape, transposed(pose.rotation, normal)) + dot(normal, pose.at - a) > limit) return false;
     corners[count++] = pose.to_local(patch.points[k]);
   }
-  if (!is_passed(shape, corners[0], corners[1])) return false;
-  if (!patch.is_mesh) {
-    const double t = along_segment(crossing.at, a, b);
-    const Vec3 deepest = deepest_of(crossing, a, count == 4 ? normals[0] - normals[1] : Vec3{});
-    // Beyond the end of the edge, the line may come below the ground where the shape is not.
-    if (!(t > 0.0 && t < 1.0) && !is_near(shape, pose, deepest)) return false;
-    // Where an edge ends in the inner corner of a rim, one of the two may be over the hole.
-    const auto is_in_ground = [&](const Vec3& p) {
-      double below;
-      return way_out({p, {}, 0.0, 0.0, p}, patch, below) >= 0;
-    };
-    if (!is_in_ground(deepest) && !is_in_ground(crossing.at)) return false;
-  }
+  const auto is_touched_instead = [&](const Peak& peak) {
+    return peak.point == edge.end[t > 0.5] && in_cone(patch, peak, n, SEAT);
+  };
+  if (!(t > 0.0 && t < 1.0) && std::any_of(patch.peaks.begin(), patch.peaks.end(), is_touched_instead)) return false;
   const auto leaves = [&](const Vec3& normal, double offset) {
     double least = 1e300;
     for (int k = 0; k < count; ++k) least = std::min(least, dot(normal, corners[k]) - offset);
     return least > limit;
   };
-  if (shape.kind == ShapeKind::Cylinder)
-    return !leaves({0.0, 0.0, 1.0}, shape.half.z) && !leaves({0.0, 0.0, -1.0}, shape.half.z);
+  if (shape.kind == ShapeKind::Cylinder) {
+    Vec3 radial = corners[0] + (corners[1] - corners[0]) * std::clamp(t, 0.0, 1.0);
+    radial.z = 0.0;
+    return !leaves({0.0, 0.0, 1.0}, shape.half.z) && !leaves({0.0, 0.0, -1.0}, shape.half.z) &&
+           !leaves(unit(radial), shape.half.x);
+  }
   return std::none_of(shape.core.faces.begin(), shape.core.faces.end(),
                       [&](const PolyFace& face) { return leaves(face.normal, face.offset + shape.rounding); });
 }
@@ -114,17 +97,15 @@ void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& p
                        {std::max(p.x, q.x), std::max(p.y, q.y), std::max(p.z, q.z)}}))
       return;
     double s, t;
-    if (!nearest_on_lines(a, b, p, q, s, t) || !(s > 0.0 && s < 1.0 && t > -1.0 && t < 2.0)) return;
-    const Vec3 on_ground = p + (q - p) * t, on_edge = a + (b - a) * s;
-    const bool beyond_end = !(t > 0.0 && t < 1.0);
-    if (beyond_end && !is_at_corner(t, norm2(q - p), on_edge - on_ground)) return;
+    if (!nearest_on_lines(a, b, p, q, s, t) || !(s > 0.0 && s < 1.0)) return;
+    const Vec3 on_ground = p + (q - p) * std::clamp(t, 0.0, 1.0), on_edge = a + (b - a) * s;
     Vec3 n = unit(cross(b - a, q - p));
     if (dot(n, outward_of(patch, other, edge, pose, on_edge - on_ground)) < 0.0) n = -n;
     const double from_edge = dot(n, on_edge - on_ground), distance = from_edge - shape.rounding;
-    if (!(distance <= contact_distance) || (beyond_end && from_edge > 0.0)) return;
+    if (!(distance <= contact_distance) || !is_on_edge(t, from_edge)) return;
     const double slack = cone_slack(approach, n, distance, SEAT);
     if (!in_cone(edge, transposed(pose.rotation, n), slack) || !in_cone(patch, other, n, slack)) return;
-    if (from_edge < 0.0 && !is_shortest(shape, pose, patch, other, {on_edge, b - a, distance})) return;
+    if (from_edge < 0.0 && !is_shortest(shape, pose, patch, other, t, n, distance)) return;
     const auto [normal, normal_of] = seated(shape.core, edge, pose, patch, other, n);
     if (!(dot(normal, n) > 0.0)) return;  // the edge is so sharp that it seems to lie in its cone either way
     contacts.push_back({on_ground, normal, dot(normal, on_edge - on_ground) - shape.rounding,

@@ -77,24 +77,17 @@ int way_out(const MovingPoint& point, const Patch& patch, double& distance);
 // cliff. Raising it loses contacts of shapes that could leave by a way that nothing else finds.
 constexpr double MUCH_SHORTER = 0.5;
 
-// Returns true if the crossing of two edges lies less far beyond the end of the ground's edge, at the share `t` of it,
-// than the edges overlap. What is inside an inner corner of a crest crosses both edges of the corner there.
-inline bool is_at_corner(double t, double length2, const Vec3& overlap) {
-  const double beyond = std::max(-t, t - 1.0);
-  return beyond * beyond * length2 < norm2(overlap);
-}
+// Returns true if a line on a shape may touch an edge of the ground where it is nearest to the edge's line, at the
+// share `t` of it. Beyond the end of an edge it may only overlap: what the shape touches in an inner corner goes on
+// there.
+inline bool is_on_edge(double t, double distance) { return distance < 0.0 || (t > 0.0 && t < 1.0); }
 
-// A line on a shape that passes an edge of the ground on its inner side: the point nearest to the edge, the direction,
-// and the distance from the edge [m], negative.
-struct Crossing {
-  Vec3 at, along;
-  double distance;
-};
-
-// Returns true if the edge is inside the shape, on maps the line is inside the ground beside the edge, and the shape
-// can leave the edge's facets by no way that is much shorter: along one of their normals or out of one of its own
-// faces.
-bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, const Edge& edge, const Crossing& crossing);
+// Returns true if an edge that overlaps a shape passes through it, is not touched beyond a peak that is touched from
+// the same direction `n`, and the shape can leave the edge's facets by no way that is much shorter: along one of their
+// normals, out of one of its own faces, or out of the side of a cylinder where the edge is nearest to what touches it,
+// at the share `t`. `distance` [m]: of the edge from the shape, negative.
+bool is_shortest(const Convex& shape, const Pose& pose, const Patch& patch, const Edge& edge, double t, const Vec3& n,
+                 double distance);
 
 void touch_vertex(const Convex& shape, const Pose& pose, int vertex, const Patch& patch, const Approach& approach,
                   std::vector<Contact>& contacts);
