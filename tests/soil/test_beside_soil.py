@@ -115,6 +115,14 @@ def test_the_edge_of_soil_gives_no_energy_to_what_rolls_over_it(
         assert world.state("wheel").position[0] > 2.0 + radius
 
 
+def test_soil_that_is_higher_than_a_body_is_a_wall() -> None:
+    with soil_and(low=pad(-0.5)) as world:
+        world.spawn("ball", Sphere(0.1), 5.0, BodyState((2.3, 1.003, -0.4), linear=(-1.0, 0.0, 0.0)))
+        world.step(120)
+        assert world.state("ball").position[0] > 2.09
+        assert world.ground.soil.sinkage().max() == 0.0
+
+
 def test_a_ball_rests_on_a_rock_that_lies_on_the_soil() -> None:
     rock = TriangleMesh(*mesh_parts.box((0.9, 0.9, -0.1), (1.1, 1.1, 0.1)))
     with soil_and(rock=rock) as world:
