@@ -12,22 +12,23 @@ from smartmesh_ros.terrain.trimesh import TriangleMesh
 from studies.soil.vehicles import BELOW, WHEELS, Cart
 from tests.bodies import LYING, UPRIGHT, Turn, rotation
 from tests.core import mesh_parts
-from tests.grounds import terrain_of
+from tests.grounds import terrain_of, world_of
+from tests.soil.test_leaning import most_gained
 
 G = 9.81
 
 
-def soil_and(**tiles: MainMesh | Deck) -> World:
+def soil_and(soil: str = "dry_sand", rate: float = 240.0, **tiles: MainMesh | Deck) -> World:
     """Soil on the square from 0 to 2 m, and other tiles."""
     ground = HeightMap(np.zeros((51, 51)), resolution=0.04)
-    world = World(terrain_of(**{"": ground}, **tiles))
-    world.ground.set_soil(Soil(world.terrain, "dry_sand"))
+    world = world_of(terrain_of(**{"": ground}, **tiles), rate=rate)
+    world.ground.set_soil(Soil(world.terrain, soil))
     return world
 
 
-def pad() -> HeightMap:
-    """Rigid ground that goes on from the soil."""
-    return HeightMap(np.zeros((51, 51)), resolution=0.04, origin=(2.0, 0.0))
+def pad(height: float = 0.0) -> HeightMap:
+    """Rigid ground that goes on from the soil, at a height [m]."""
+    return HeightMap(np.full((51, 51), height), resolution=0.04, origin=(2.0, 0.0))
 
 
 def tilt_of(world: World, name: str) -> float:
@@ -97,6 +98,29 @@ def test_a_cart_drives_from_soil_onto_rigid_ground_and_back_without_a_kick() -> 
             assert speeds[:, 1:].max() < 0.2  # out of a rut, a rim climbs onto the edge
             assert ways[-1][3] == pytest.approx(1.003, abs=0.01)
         assert world.rescues == 0
+
+
+@pytest.mark.parametrize("rate", [60.0, 240.0])
+@pytest.mark.parametrize("heights", [[], [-0.05]])
+@pytest.mark.parametrize("shape", [Cylinder(radius=0.1, height=0.1), Cylinder(radius=0.2, height=0.04), Sphere(0.1)])
+def test_the_edge_of_soil_gives_no_energy_to_what_rolls_over_it(
+    shape: Cylinder | Sphere, heights: list[float], rate: float
+) -> None:
+    """It has sunk below the samples of the map at the edge, beside lower ground or none."""
+    radius, mass = shape.radius, 20.0
+    with soil_and("sandy_loam", rate, **{f"tile_{z}": pad(z) for z in heights}) as world:
+        start = BodyState((1.8, 1.003, radius), LYING, (1.0, 0.0, 0.0), (0.0, 1.0 / radius, 0.0))
+        world.spawn("wheel", shape, mass, start)
+        assert most_gained(world, "wheel", round(0.6 * rate)) < 0.005 * mass
+        assert world.state("wheel").position[0] > 2.0 + radius
+
+
+def test_soil_that_is_higher_than_a_body_is_a_wall() -> None:
+    with soil_and(low=pad(-0.5)) as world:
+        world.spawn("ball", Sphere(0.1), 5.0, BodyState((2.3, 1.003, -0.4), linear=(-1.0, 0.0, 0.0)))
+        world.step(120)
+        assert world.state("ball").position[0] > 2.09
+        assert world.ground.soil.sinkage().max() == 0.0
 
 
 def test_a_ball_rests_on_a_rock_that_lies_on_the_soil() -> None:

@@ -112,7 +112,13 @@ def test_a_wall_of_soil_higher_than_a_body_does_not_throw_it_up(shape: Shape, sp
 @pytest.mark.parametrize("rate", [60.0, 240.0])
 @pytest.mark.parametrize("soil", ["sandy_loam", "clay"])
 @pytest.mark.parametrize(
-    "shape", [Cylinder(radius=0.2, height=0.04), Cylinder(radius=0.1, height=0.1), Box(0.4, 0.3, 0.02)]
+    "shape",
+    [
+        Cylinder(radius=0.2, height=0.04),
+        Cylinder(radius=0.1, height=0.1),
+        Cylinder(radius=0.03, height=0.6),
+        Box(0.4, 0.3, 0.02),
+    ],
 )
 def test_soil_gives_no_energy_to_what_is_thrown_onto_it_anyhow(shape: Shape, soil: str, rate: float) -> None:
     """Its rim or its flat end leaves while the other comes down, and edges cut in from the side."""

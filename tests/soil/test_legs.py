@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from smartmesh_ros import BodyState, Sphere
 from smartmesh_ros.soil.config import SoilType, soil_named
 from studies.soil.trials import least, modulus_of
 from tests import legged
@@ -22,6 +23,17 @@ def foot_sinkage(soil: SoilType, radius: float, load: float) -> float:
         return bool(np.trapezoid(pressures * 2.0 * np.pi * out, out) > load)
 
     return least(carries, 0.0, 10.0 * radius)
+
+
+@pytest.mark.parametrize("rate", [60.0, 240.0])
+@pytest.mark.parametrize("mass", [20.0, 40.0])
+def test_a_ball_sinks_as_the_law_says_and_does_not_rock_deeper(mass: float, rate: float) -> None:
+    """Soil is stiff where it leaves a flank, and soft where the ball presses it."""
+    with world_on("lunar", rate=rate, sleep=False) as world:
+        world.spawn("ball", Sphere(0.08), mass, BodyState((2.003, 2.007, 0.0)), on_ground=True)
+        world.step(round(2.0 * rate))
+        wanted = foot_sinkage(soil_named("lunar"), 0.08, 9.81 * mass)
+        assert world.ground.on_soil()["ball"].sinkage == pytest.approx(wanted, rel=0.03)
 
 
 @pytest.mark.parametrize("soil", ["dry_sand", "lunar"])

@@ -39,8 +39,9 @@ void Narrowphase::touch(Slot& slot, const btCollisionObjectWrapper& part, btPers
   SoilBelow soil;
   if (with_soil != nullptr) {
     const double reach = shape->bounding_radius + approach.contact_distance(pose.at, shape->bounding_radius);
-    soil = {&now_.soil->lattice.map(), now_.soil->has(pose.at, now_.time),
-            now_.soil->is_all_around(pose.at, reach, now_.time)};
+    const double above = -lowest(*shape, -pose.rotation.row[2]);
+    const double top = now_.soil->has(pose.at, now_.time) ? INFINITE : pose.at.z + above;
+    soil = {&now_.soil->lattice.map(), top, now_.soil->is_all_around(pose.at, reach, now_.time)};
     contacts_.clear(), rows_.clear();
     read_contacts(*with_soil, before_);
     if (now_.soil->within_map(pose.at, now_.time) > -shape->bounding_radius) {

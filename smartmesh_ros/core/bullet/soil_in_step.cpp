@@ -21,9 +21,6 @@ constexpr double FALLEN = 0.45;
 // Speed of a body that was set down at which it rests, as a share of that of a fall from the depth of its sinkage.
 constexpr double AT_REST = 0.005;
 
-// Returns the velocity of a part: of its tilts and its heave.
-Vec3 velocity_of(const MovingSolid& solid) { return {solid.angular.x, solid.angular.y, solid.linear.z}; }
-
 }  // namespace
 
 Shape pressing_shape(const Convex& convex) {
@@ -154,7 +151,7 @@ void SoilInStep::touch(const Convex& convex, const Pose& pose, const OnSoil& on,
     if (norm2(on.belt) > 0.0) row.slide = row.slide + surface_velocity(on.belt, contact.normal);
     row.friction.sliding = spring.friction;
     contacts.push_back(contact), rows.push_back(row);
-    part.levers.push_back(lever_at(spring.point - solid.solid.centre, spring.normal));
+    part.levers.push_back(lever_at(solid.solid, spring.point - solid.solid.centre, spring.normal));
   }
   part.velocity = velocity_of(solid);
 }

@@ -203,16 +203,16 @@ void Tiles::gather(const Bounds& bounds, double time, double ahead, const Reach&
     return;
   }
   const MapAtInstant& map = *under_[0];
-  if (soil.is_below && map.grid == soil.map) return;
   const CellRange cells = cells_under(*map.grid, map.pose, bounds);
   if (cells.empty()) return;
   read_window(*map.grid, map.pose, cells, time, ahead, window_);
-  if (window_.highest() >= bounds.low.z) add_cells(window_, cells.top - 1, cells.left - 1, reach, patch);
+  const double lowest = map.grid == soil.map ? soil.top : bounds.low.z;
+  if (window_.highest() >= lowest) add_cells(window_, cells.top - 1, cells.left - 1, reach, patch);
 }
 
 // Samples the tiles under a body on the lattice of the finest one, which may go on beyond its edge. At the edges of
-// soil the height is that of the other tiles: a body that sank meets their sides. Beside soil that is higher, it is the
-// soil's.
+// soil the height is that of the other tiles: a body that sank meets their sides. At soil that is higher than the body,
+// it is the soil's.
 void Tiles::sample_across(const MapAtInstant& finest, const Bounds& bounds, double time, double ahead,
                           const Reach& reach, const SoilBelow& soil, Patch& patch) {
   Bounds here;  // where there are tiles
@@ -237,7 +237,7 @@ void Tiles::sample_across(const MapAtInstant& finest, const Bounds& bounds, doub
     if (!has_soil) return tiles.sample(p.x, p.y);
     if (is_ground_around(*soil.map, (*of_soil)->pose, p, AT_EDGE)) return {};
     const GroundPoint ground = tiles.sample(p.x, p.y), other = beside.sample(p.x, p.y);
-    const bool is_others = soil.is_below ? !std::isnan(other.height) : other.height > ground.height;
+    const bool is_others = ground.height <= soil.top ? !std::isnan(other.height) : other.height > ground.height;
     return is_others ? other : ground;
   };
   for (int r = 0; r < window_.rows; ++r) {

@@ -25,11 +25,13 @@ struct NearbyGround {
 
 constexpr int NOBODY = -2;
 
-// A map of soil, which other contacts bear: other ground ends at its edges. `map`: null = none. `is_below`: it is below
-// the middle of a shape, for which its own edges are no ground; `is_all`: all below the shape is soil.
+// A map of soil, which other contacts bear: other ground ends at its edges. `map`: null = none. `top` [m]: of a shape,
+// infinity over the soil. Its own edges are ground only where they are higher: a lower one bears the shape as all soil
+// does. `is_all`: all below the shape is soil.
 struct SoilBelow {
   const HeightGrid* map = nullptr;
-  bool is_below = false, is_all = false;
+  double top = INFINITE;
+  bool is_all = false;
 };
 
 // The ground near a point, and the deck that has it; null = it is beside decks, or there is none.

@@ -27,9 +27,6 @@ double slip_sinkage(double slip) { return (1.0 + slip) / (1.0 - 0.5 * slip); }
 // Returns the vertical component of a normal that tells by how much a sample presses.
 double pressing(const Vec3& normal) { return std::max(normal.z, LEAST_VERTICAL); }
 
-// Returns true if a part rolls: here it turns about its own axis alone, and its quarters go down by themselves.
-bool rolls(const Solid& solid) { return solid.shape->kind == ShapeKind::Ball || lies(solid); }
-
 // Returns the point of a round surface at the mean of some of its points: the speed of a rim decides which way a wheel
 // without slip is held.
 Vec3 on_surface(const Underside& shape, const Vec3& mean) {
@@ -39,18 +36,6 @@ Vec3 on_surface(const Underside& shape, const Vec3& mean) {
 }
 
 }  // namespace
-
-Mat3 inertia_of(const Solid& solid, double mass) {
-  Mat3 found{{{}, {}, {0.0, 0.0, mass}}};
-  const Shape& shape = *solid.shape;
-  const Vec3 half{shape.extent({1.0, 0.0, 0.0}), shape.extent({0.0, 1.0, 0.0}), shape.extent({0.0, 0.0, 1.0})};
-  for (int k = 0; k < 3; ++k) {
-    const Vec3 axis{solid.axes.row[k].x, solid.axes.row[k].y, 0.0};
-    const double own = mass / 3.0 * (norm2(half) - component(half, k) * component(half, k));
-    found.row[0] = found.row[0] + axis * (own * axis.x), found.row[1] = found.row[1] + axis * (own * axis.y);
-  }
-  return found;
-}
 
 // Fills `under_` with the samples that a part whose rim slips reaches if it goes down by `deepest` [m]; zero = all
 // whose level it is below, also those that have sunk away from it; then it makes room where soil was met from the side.
@@ -97,7 +82,7 @@ void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, const Mo
       const Vec3 normal = placed.normal(offset, is_beside);
       const LoadedSoil& own = soils_[soil.kind(r, c)];
       const double loaded = sample.step >= step.last ? sample.pressure : 0.0;
-      const Vec3 lever = lever_at(offset, normal) * (1.0 / pressing(normal));
+      const Vec3 lever = lever_at(placed.shape.solid, offset, normal) * (1.0 / pressing(normal));
       const Vec3 passing = offset + half_way, facing = is_round ? placed.normal(passing, is_beside) : normal;
       const double rise = dot(linear + cross(angular, passing), facing) / pressing(facing) * step.dt;
       // The part was not above this sample in the last step, and did not go down as far as the soil stands above it: it
@@ -236,7 +221,8 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
   const Vec3 own = moving.solid.axes.row[2], spin = is_rolling ? own * dot(moving.angular, own) : Vec3{};
   for (Vec3& axis : then.axes.row) axis = unit(axis + cross(spin, axis) * step.dt);
   const PlacedPart placed = place_above(soil, then, step.time);
-  const Vec3 velocity = placed.to_grid({moving.angular.x, moving.angular.y, moving.linear.z});
+  // Its way in the plane counts from there.
+  const Vec3 velocity = placed.to_grid(tilts_and_heave(moving.solid, moving.angular, {0.0, 0.0, moving.linear.z}));
   const Mat3 inertia = inertia_of(placed.shape.solid, carried.mass);
   const Vec3 free = (velocity + solve(inertia, placed.to_grid(carried.load)) * step.dt) * step.dt;
   const double reach = placed.shape.solid.shape->extent({1.0, 1.0, 1.0});
@@ -252,7 +238,7 @@ const std::vector<SoilSpring>& SoilUnderBody::find_springs(SoilLattice& soil, co
                place = on_surface(placed.shape, quarter.place * (1.0 / quarter.weight));
     const Vec3 offset = placed.to_world(place);
     const double speed = dot(normal, moving.linear + cross(moving.angular, offset)) +
-                         dot(way * (1.0 / step.dt) - velocity, lever_at(place, quarter.normal));
+                         dot(way * (1.0 / step.dt) - velocity, lever_at(placed.shape.solid, place, quarter.normal));
     const double force = norm(quarter.force), friction = std::min(quarter.shear / force, MOST_FRICTION);
     springs_.push_back({moving.solid.centre + offset, normal, force, speed, quarter.slope, friction});
   }

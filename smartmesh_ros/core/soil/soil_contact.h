@@ -3,15 +3,12 @@
 // The samples under the body have pressures by their sinkages at the end of the step. Where the body is then follows
 // from its inertia and the load that it carried in the last step. Soil is stiff on the way up and soft on the way down:
 // a spring with the stiffness of the wrong way would throw the body.
-//
-// The tilts and the heave of a part are one Vec3: about x, about y, upwards. So are velocities [rad/s, rad/s, m/s],
-// ways [rad, rad, m] and loads [N m, N m, N].
 #pragma once
 
 #include <vector>
 
+#include "soil/part_motion.h"
 #include "soil/placed_part.h"
-#include "soil/soil_rim.h"
 
 namespace smartmesh {
 
@@ -29,15 +26,6 @@ struct Carried {
   Vec3 load;
   bool is_set_down = false;
 };
-
-// Returns the inertia against tilts and heave of a part of some mass [kg] that fills the part's box evenly.
-Mat3 inertia_of(const Solid& solid, double mass);
-// Returns the load of a unit force along a normal at a point, whose `offset` is from the middle of the part [m]. The
-// same numbers say how far each tilt and the heave move the point along the normal.
-inline Vec3 lever_at(const Vec3& offset, const Vec3& normal) {
-  const Vec3 torque = cross(offset, normal);
-  return {torque.x, torque.y, normal.z};
-}
 
 // A spring between the soil and a body. `point` on the body [m]; `normal`: unit, into the body. Its force along the
 // normal is `force` [N] if the point moves at `speed` [m/s] along it, and falls by `slope` [N s/m] with a higher speed.
