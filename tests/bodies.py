@@ -37,6 +37,20 @@ def yaw_of(q: Turn) -> float:
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
+def rate_of_turn(levers: np.ndarray, speeds: np.ndarray, loads: np.ndarray) -> float:
+    """Rate [rad/s] at which Coulomb friction on contacts (n, 2) [m] balances: its power is least there. They carry
+    ``loads`` [N], and their surfaces run forwards, along x, at ``speeds`` [m/s]."""
+    ones, zeros = np.ones(len(loads)), np.zeros(len(loads))
+    motions = np.stack([np.stack([ones, zeros, -levers[:, 1]], 1), np.stack([zeros, ones, levers[:, 0]], 1)], 1)
+    run = np.column_stack([speeds, zeros])
+    found = np.zeros(3)  # vx, vy and the rate
+    for _ in range(100):  # least squares, weighted by load over slip
+        weights = loads / np.linalg.norm(motions @ found - run, axis=1)
+        matrix = np.einsum("k,kij,kil->jl", weights, motions, motions)
+        found = np.linalg.solve(matrix, np.einsum("k,kij,ki->j", weights, motions, run))
+    return float(found[2])
+
+
 def rotation(q: np.ndarray | Turn) -> np.ndarray:
     """The matrix of a unit quaternion (x, y, z, w)."""
     x, y, z, w = q

@@ -25,10 +25,12 @@ def test_cargo_rides_on_a_robot_that_drives_and_turns_and_sleeps_on_the_ground_o
         world.carry("bed", Carrier("husky", position=(0.0, 0.0, 0.45)))
         world.spawn("cargo", Box(0.3, 0.3, 0.2), 20.0, BodyState((0.0, 0.0, 0.72)))
         world.step(240)
-        for joint_name in (it.name for it in world.joints("husky") if "wheel" in it.name):
-            world.command("husky", joint_name, JointCommand(velocity=4.0 if "left" in joint_name else 8.0))
+        wheels = [it.name for it in world.joints("husky") if "wheel" in it.name]
         places = []
-        for _ in range(480):
+        for step in range(480):
+            for name in wheels:
+                speed = 4.0 if "left" in name else 8.0
+                world.command("husky", name, JointCommand(velocity=speed * min(step / 60.0, 1.0)))
             world.step()
             frame = terrain.deck("bed").frame(world.time)
             places.append(frame.rotation.T @ (np.array(world.state("cargo").position) - frame.position))

@@ -8,15 +8,18 @@
 
 namespace smartmesh {
 
+class FrictionAxes;
+
 // What belongs to a PyBullet body: the `slots` of its attached links, and the slot that it is the proxy of, -1 = none.
 // `still` [s]: time for which all its slots are. `driven`: somebody pushes it or drives its joints. `supported`:
-// something else bore it in the last step.
+// something else bore it in the last step. `friction`: of a robot whose links are attached; null of other bodies.
 struct AttachedBody {
   std::vector<int> slots;
   int proxy_of = -1;
   Sleeper sleeper;
   double still = 0.0;
   bool driven = false, supported = false;
+  FrictionAxes* friction = nullptr;
 };
 
 // An attached body as a row of numbers: position [m], NaN = it is gone, velocity [m/s] and bounding radius [m]. 1 =

@@ -65,13 +65,15 @@ void Narrowphase::tell(Slot& slot, const Approach& approach, const Vec3& pull, b
   // Friction against rolling, and that of robots if PyBullet's `frictionERP` is zero, aim at the proxy's velocity.
   if (!rows_.empty() && (rows_[0].friction.rolling + rows_[0].friction.spinning > 0.0 || anchor_time(step) == 0.0))
     slot.ground_angular = contacts_[0].ground.angular;
-  if (const auto* rigid = btRigidBody::upcast(slot.object)) {  // robots have a solver with a cone of its own
+  if (const auto* rigid = btRigidBody::upcast(slot.object)) {
     for (ContactRow& row : rows_)
       row.mass = 1.0 / rigid->computeImpulseDenominator(to_bullet(row.at), to_bullet(row.normal));
     // Bullet's anisotropic friction acts against velocities alone.
     static const std::vector<OldContact> NONE;
     const auto& before = slot.object->hasAnisotropicFriction() ? NONE : before_;
     find_slips(contacts_, before, approach, pull, slot.pull, mass_of(*slot.object), rows_);
+  } else {
+    find_robot_slips(contacts_, before_, approach, pull, mass_of(*slot.object), rows_);
   }
   const bool ground_is_b = manifold.getBody0() == slot.object;
   const double slop = now_.world.getSolverInfo().m_linearSlop, anchor = anchor_time(step);

@@ -5,6 +5,7 @@
 #include <BulletCollision/BroadphaseCollision/btBroadphaseInterface.h>
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 
+#include "bullet/friction_axes.h"
 #include "bullet/shape_parts.h"
 
 namespace smartmesh {
@@ -105,6 +106,8 @@ bool BulletWorld::attach(int index, const ObjectName& name, int proxy, const Bod
   attached.note_change();
   if (ground == nullptr) return true;
   attached.body(proxy).proxy_of = index;
+  AttachedBody& body = attached.body(name.body);
+  if (body.friction == nullptr) body.friction = FrictionAxes::enter(*object, now.world);
   slot.shape = std::make_unique<GroundShape>(this, index);
   slot.shape_before = ground->getCollisionShape();
   ground->setCollisionShape(slot.shape.get());
@@ -121,6 +124,8 @@ void BulletWorld::detach(int index) {
     slot.ground->setWorldTransform(btTransform(btQuaternion::getIdentity(), away));
     now.world.getBroadphase()->setAabb(slot.ground->getBroadphaseHandle(), away, away, now.world.getDispatcher());
   }
+  if (attached.has_body(slot.body) && attached.bodies[slot.body].slots.size() == 1)
+    FrictionAxes::leave(std::exchange(attached.bodies[slot.body].friction, nullptr));
   attached.remove(index);
 }
 
