@@ -260,9 +260,9 @@ def test_descriptions_that_cannot_be_are_refused(folders: list[Path], text: str,
 
 def test_a_light_frame_is_accepted(folders: list[Path], world: World) -> None:
     """NASA's Valkyrie has frames of 1e-7 kg; the robot stands as it does without the frame."""
-    text = "<!-- a comment is no entity -->" + robot(
+    text = "<!-- a comment is no entity, nor is literal text -->" + robot(
         link("a", '<box size="0.2 0.2 0.2"/>', 1.0, 0.01), link("b", "", 1e-7, 1e-9),
-        joint("j", "fixed", "a", "b", xyz="0 0 0"),
+        joint("j", "fixed", "a", "b", xyz="0 0 0"), "<gazebo><![CDATA[a < b]]></gazebo>",
     )  # fmt: skip
     assert checked_urdf(text, folders) == text
     world.spawn_robot("robot", text, BodyState(), on_ground=True)
