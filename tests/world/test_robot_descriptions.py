@@ -1,6 +1,7 @@
 """Robot descriptions: refused as a whole with a reason, or simulated as URDF means them; those from peers are kept to
 their folders, and to numbers that can be simulated."""
 
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -114,6 +115,18 @@ def test_a_loader_that_crashes_or_hangs_refuses_the_robot(world: World, monkeypa
             world.spawn_robot("r", robot(link("a", '<sphere radius="0.123"/>')))
     monkeypatch.undo()
     world.spawn_robot("r", robot(link("a", '<sphere radius="0.123"/>')))
+
+
+@pytest.mark.parametrize("ending", ["WORKSHOP.close()", "os.kill(WORKSHOP._child.pid, 11)", ""])
+def test_no_file_is_left_whether_the_child_is_ended_or_crashes_or_goes_on(ending: str, tmp_path: Path) -> None:
+    script = (
+        "import os; from smartmesh_ros.world.robots.prepared import prepare_robot; from smartmesh_ros.world.robots."
+        f"workshop import WORKSHOP; prepare_robot({robot(A)!r}); print(WORKSHOP._child.pid); {ending}"
+    )
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    child = subprocess.run([sys.executable, "-c", script], env=environment, stdout=subprocess.PIPE, check=True).stdout
+    wait_until(lambda: has_ended(int(child)))
+    assert not [*tmp_path.iterdir()]
 
 
 def test_the_child_ends_with_its_parent_and_a_known_robot_needs_none(world: World) -> None:
