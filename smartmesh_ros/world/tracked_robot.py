@@ -39,8 +39,9 @@ class TrackedRobot:
     """A robot whose root link's frame and joints are dictated, from a URDF (text or file). Raises `InputError` if it is
     refused.
 
-    Each collision shape is a tracked body ``<name>.<link>``, of a link with several also ``<name>.<link>.1`` and so on.
-    ``joints``: names of those that move. Meshes are their convex hulls.
+    Each collision shape is a tracked body ``<name>.<link>``, of a link with several also ``<name>.<link>.1`` and so on,
+    with ``.`` for each ``/`` of a link, which no name of a body has. ``joints``: names of those that move. Meshes are
+    their convex hulls.
     """
 
     def __init__(self, name: str, urdf: str) -> None:
@@ -53,7 +54,7 @@ class TrackedRobot:
             for index, shape in body.shapes.items():
                 centre = Transform(*client.getDynamicsInfo(body.uid, index)[3:5])
                 for place, part in enumerate(shape.parts):
-                    full = f"{name}.{body.links[index]}" + (f".{place}" if place else "")
+                    full = f"{name}.{body.links[index].replace('/', '.')}" + (f".{place}" if place else "")
                     placed = centre.then(Transform(part.offset, part.orientation))
                     self._parts.append(_Part(full, _solid(part), index + 1, placed))
 

@@ -225,7 +225,7 @@ def test_stamps_are_of_another_clock_once_the_node_publishes_its_own() -> None:
 def test_own_frames_that_arrive_after_the_clock_was_set_back_are_no_fault_of_a_source(own: bool) -> None:
     with fed({"publish.tf": 50.0, "frame_id": "map"}) as node:
         node.run(1)  # subscribes
-        for time in (158.0, 10.0):
+        for time in (158.0, 10.0, 0.0):
             link = transform_message(node, "map", "link")
             link.header.stamp = stamp_of(time)
             message = TFMessage(transforms=[link])
@@ -234,6 +234,7 @@ def test_own_frames_that_arrive_after_the_clock_was_set_back_are_no_fault_of_a_s
             node.give("/tf", message)
         assert node.node._transforms.is_own("link") == own
         assert node.node.refusals.counts["/tf: stamp_backwards"] == (not own)
+        assert node.node.session.counts["without stamp on /tf"] == (not own)
 
 
 def test_the_node_is_silent_while_another_publishes_the_clock(shared: Probe, log: Log) -> None:

@@ -64,9 +64,9 @@ JOINTS = ["hinge", "slide"]
 
 
 def unlike(prefix: str) -> str:
-    """The arm with names of its own, as by a prefix of Xacro."""
-    text = robot(ARM)
-    for word in ("base", "arm", "slider", *JOINTS):
+    """The arm with names of its own, as by a prefix of Xacro, but for a fixed joint, which no message names."""
+    text = robot(ARM + link("lidar", "", None) + joint("mount", "fixed", "base", "lidar"))
+    for word in ("base", "arm", "slider", "lidar", *JOINTS):
         text = text.replace(f'"{word}"', f'"{prefix}{word}"')
     return text
 

@@ -1,6 +1,7 @@
 """Robot descriptions: refused as a whole with a reason, or simulated as URDF means them; those from peers are kept to
 their folders, and to numbers that can be simulated."""
 
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -114,6 +115,18 @@ def test_a_loader_that_crashes_or_hangs_refuses_the_robot(world: World, monkeypa
             world.spawn_robot("r", robot(link("a", '<sphere radius="0.123"/>')))
     monkeypatch.undo()
     world.spawn_robot("r", robot(link("a", '<sphere radius="0.123"/>')))
+
+
+@pytest.mark.parametrize("ending", ["WORKSHOP.close()", "os.kill(WORKSHOP._child.pid, 11)", ""])
+def test_no_file_is_left_whether_the_child_is_ended_or_crashes_or_goes_on(ending: str, tmp_path: Path) -> None:
+    script = (
+        "import os; from smartmesh_ros.world.robots.prepared import prepare_robot; from smartmesh_ros.world.robots."
+        f"workshop import WORKSHOP; prepare_robot({robot(A)!r}); print(WORKSHOP._child.pid); {ending}"
+    )
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    child = subprocess.run([sys.executable, "-c", script], env=environment, stdout=subprocess.PIPE, check=True).stdout
+    wait_until(lambda: has_ended(int(child)))
+    assert not [*tmp_path.iterdir()]
 
 
 def test_the_child_ends_with_its_parent_and_a_known_robot_needs_none(world: World) -> None:
@@ -260,9 +273,9 @@ def test_descriptions_that_cannot_be_are_refused(folders: list[Path], text: str,
 
 def test_a_light_frame_is_accepted(folders: list[Path], world: World) -> None:
     """NASA's Valkyrie has frames of 1e-7 kg; the robot stands as it does without the frame."""
-    text = "<!-- a comment is no entity -->" + robot(
+    text = "<!-- a comment is no entity, nor is literal text -->" + robot(
         link("a", '<box size="0.2 0.2 0.2"/>', 1.0, 0.01), link("b", "", 1e-7, 1e-9),
-        joint("j", "fixed", "a", "b", xyz="0 0 0"),
+        joint("j", "fixed", "a", "b", xyz="0 0 0"), "<gazebo><![CDATA[a < b]]></gazebo>",
     )  # fmt: skip
     assert checked_urdf(text, folders) == text
     world.spawn_robot("robot", text, BodyState(), on_ground=True)

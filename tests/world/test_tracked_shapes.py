@@ -103,8 +103,8 @@ ARM = urdfs.robot(
     urdfs.link("base", urdfs.box((0.4, 0.4, 0.2)), 5.0, (0.4, 0.4, 0.2), at="0 0 0.1"),
     urdfs.link("arm", '<cylinder radius="0.05" length="1.0"/>', 1.0, 0.1, at="0.5 0 0", rpy="0 1.5707963267948966 0"),
     urdfs.joint("yaw", "continuous", "base", "arm", xyz="0 0 0.4", axis="0 0 1"),
-    urdfs.link("hand", urdfs.box((0.1, 0.3, 0.1)), 0.5, (0.1, 0.3, 0.1), at="0.05 0 0"),
-    urdfs.joint("reach", "prismatic", "arm", "hand", '<limit lower="0" upper="1" effort="1" velocity="1"/>',
+    urdfs.link("left/hand", urdfs.box((0.1, 0.3, 0.1)), 0.5, (0.1, 0.3, 0.1), at="0.05 0 0"),
+    urdfs.joint("reach", "prismatic", "arm", "left/hand", '<limit lower="0" upper="1" effort="1" velocity="1"/>',
                 xyz="1.0 0 0", axis="1 0 0"),
 )  # fmt: skip
 
@@ -113,7 +113,7 @@ def test_the_parts_of_a_robot_are_where_its_joints_say_with_their_velocities() -
     """Velocities are the differences of the places a moment later, of a root that moves and joints that do."""
     robot, moment = TrackedRobot("rig", ARM), 1e-5
     assert robot.joints == ["yaw", "reach"]
-    assert robot.names == ["rig.base", "rig.arm", "rig.hand"]
+    assert robot.names == ["rig.base", "rig.arm", "rig.left.hand"], "names that bodies can have"
     turned = (0.1, -0.2, 0.3, math.sqrt(1.0 - 0.14))
     root = BodyState((1.0, 2.0, 3.0), turned, (0.4, -0.2, 0.1), (0.3, 0.5, -0.4))
     robot.move({"yaw": (0.7, 1.1), "reach": (0.2, -0.5)})

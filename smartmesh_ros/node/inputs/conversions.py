@@ -134,10 +134,8 @@ class RobotNames:
         return self._prefixes
 
     def _names(self, body: Body) -> set[str]:
-        """Return the names of a robot's joints, driven surfaces and links."""
-        client, links = self._world.client, link_names(self._world.client, body.uid)
-        joints = (client.getJointInfo(body.uid, index)[1].decode() for index in range(len(links) - 1))
-        return {*joints, *links, *body.surfaces}
+        """Return the names of a robot's joints that move, driven surfaces and links, which messages have."""
+        return {*body.joints, *body.surfaces, *link_names(self._world.client, body.uid)}
 
 
 def joint_commands_from(message: Any, world: World, prefixes: Mapping[str, str]) -> list[tuple[str, str, JointCommand]]:

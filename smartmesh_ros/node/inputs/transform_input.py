@@ -146,7 +146,7 @@ class TransformInput:
             child = start.name.strip("/")
             try:
                 require_name(child)
-                time = None if static else self._time_of(start)
+                time = None if static else self._time_of(start, own=own)
                 back = self.buffer.add(start.frame_id, child, transform, time)
                 if own:
                     self._own.add(child)
@@ -159,10 +159,11 @@ class TransformInput:
             except InputError as error:
                 self._session.refusals.add(topic, error)
 
-    def _time_of(self, start: Stamped) -> float:
-        """Return the stamp of a transform [s]; that of one without stamp is now."""
-        if (seconds := stamp_seconds(start)) is not None:
-            return seconds
+    def _time_of(self, start: Stamped, *, own: bool) -> float:
+        """Return the stamp of a transform [s]; that of one without stamp is now, but that of this node is its time
+        zero."""
+        if (seconds := stamp_seconds(start)) is not None or own:
+            return seconds or 0.0
         session = self._session
         session.counts["without stamp on /tf"] += 1
         words = f"transforms of {start.name!r} on /tf have no stamp, and hold when they arrive"

@@ -9,6 +9,9 @@ from smartmesh_ros.errors import InputError, suggestion
 from smartmesh_ros.tools.replay.bag import EVENTS, Topic, type_of
 from smartmesh_ros.tools.replay.transport import Service
 
+# The ends of names of topics that may become inputs by discovery.
+STATES = "/body_states"
+
 
 def require_named(node: str, what: str, names: Collection[str], known: Collection[str]) -> None:
     """Raise `InputError` if one of the full ``names`` is no ``what`` of the ``node``, whose ones are the ``known``."""
@@ -33,3 +36,17 @@ def require_taken(
     for name, topic in names.items():
         right = type_of(services[name].kind.Request)
         raise InputError("type", f"{name} is a service: it takes {right}, and was given a {left[topic].type_name}")
+
+
+def left_out(
+    node: str, topics: Mapping[str, Topic], inputs: Mapping[str, str], others: Collection[str]
+) -> dict[str, str]:
+    """Return those recorded ``topics``, with their types, that are none of the ``inputs`` and of the ``others`` of the
+    ``node``, but below its name, as those that a parameter adds, or of an input's type."""
+    kinds = {*inputs.values()}
+    return {
+        name: topic.type_name
+        for name, topic in topics.items()
+        if not (name in inputs or name in others or name.endswith(STATES))
+        and (name.startswith(f"{node}/") or topic.type_name in kinds)
+    }

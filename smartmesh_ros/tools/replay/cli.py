@@ -125,7 +125,10 @@ def report(replay: Replay, speed: float, file: McapFile | None, check: str | Non
     for what, count in replay.refused.items():
         print(f"refused {count} times: {what}")
     for topic, kind in replay.left_out.items():
-        print(f"left out: {topic} ({kind}); -r '~/INPUT:={topic}' would make it an input")
+        cure = f"-r '~/INPUT:={topic}' would make it an input"
+        if topic.startswith(f"{replay.names.node}/"):
+            cure = "the node had other parameters or remappings when it was recorded"
+        print(f"left out: {topic} ({kind}); {cure}")
     if file is not None:
         print(f"wrote {file.path}: {', '.join(f'{topic} ({count})' for topic, count in file.counts.items())}")
     same = check is None or check.strip().lower() == replay.digest

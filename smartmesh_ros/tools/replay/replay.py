@@ -20,7 +20,7 @@ from smartmesh_ros.node.parameters.helping import flat
 from smartmesh_ros.node.parameters.specifications import NAMES
 from smartmesh_ros.node.terrain_collider import Collider
 from smartmesh_ros.tools.replay.bag import EVENTS, Bag, Messages, Record, Source, type_of
-from smartmesh_ros.tools.replay.checks import require_named, require_taken, require_type
+from smartmesh_ros.tools.replay.checks import STATES, left_out, require_named, require_taken, require_type
 from smartmesh_ros.tools.replay.clock import ReplayClock
 from smartmesh_ros.tools.replay.digest import Digest
 from smartmesh_ros.tools.replay.parameters import require_changeable, require_known, settings_of
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 CLOCK, PARAMETERS, TRANSFORMS = "/clock", "/parameter_events", ("/tf", "/tf_static")
 # Outputs that parameters may begin at any time.
 LATER = "/tf", CLOCK
-# The ends of names of topics that may become inputs by discovery.
-STATES = "/body_states"
 # Differences of times that are rounding errors [s].
 SLACK = 1e-6
 
@@ -132,10 +130,9 @@ class Replay:
 
     @property
     def left_out(self) -> dict[str, str]:
-        """Recorded topics of an input's type that are no input and no output, with their types: a name may be wrong."""
-        names, kinds = {*dict(self._inputs), *self.outputs}, {kind for _, kind in self._inputs}
-        topics = {name: about.type_name for name, about in self._source.topics.items() if not name.endswith(STATES)}
-        return {name: kind for name, kind in topics.items() if kind in kinds and name not in names}
+        """Recorded topics of which nothing is made, although they may be meant for the node, with their types."""
+        others = {*self.outputs, *self._event_kinds}
+        return left_out(self.names.node, self._source.topics, dict(self._inputs), others)
 
     @property
     def refused(self) -> dict[str, int]:

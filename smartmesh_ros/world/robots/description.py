@@ -102,7 +102,7 @@ def read_description(urdf: str) -> Description:
 def xml_of(text: str) -> ElementTree.Element:
     """Return the root element <robot> of a URDF text. Space before the XML declaration is skipped, as other parsers
     do. Raises `InputError`."""
-    if "<!" in text.replace("<!--", ""):
+    if re.search(r"<!(?!--|\[CDATA\[)", text):
         raise InputError("urdf", "the URDF declares a document type or entities; a robot description needs none")
     text = text.rstrip("\0").removeprefix(BYTE_ORDER_MARK).strip()  # some files end with a zero byte
     if "\0" in text:

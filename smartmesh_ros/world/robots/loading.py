@@ -7,9 +7,7 @@ link (a frame of a sensor or of a tool) has no mass.
 from __future__ import annotations
 
 import hashlib
-import tempfile
 from collections.abc import Iterable, Mapping
-from functools import cache
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -22,6 +20,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.body_shapes import link_names
 from smartmesh_ros.world.robots.meaning import Mimic
 from smartmesh_ros.world.robots.prepared import PreparedRobot
+from smartmesh_ros.world.robots.workshop import robots_folder
 
 # Largest effort of a mimic joint's gear [Nm, N], beyond that of any robot's drive.
 STRONGEST_GEAR = 1e5
@@ -43,7 +42,7 @@ def load_robot(client: Any, robot: PreparedRobot, flags: int) -> int:
     urdf = f"{hashlib.sha256(text).hexdigest()[:32]}.urdf"
     try:
         with _lock:
-            folder = Path(_folder().name)
+            folder = Path(robots_folder().name)
             folder.mkdir(exist_ok=True)  # a cleaner of temporary files may have removed it
             # PyBullet remembers OBJ files by name; these names differ with the content.
             for name, data in {**robot.files, urdf: text}.items():
@@ -66,12 +65,6 @@ def couple_joints(client: Any, uid: int, joints: dict[str, int], mimics: Iterabl
             gear, gearRatio=-mimic.multiplier or -TINY_RATIO, relativePositionTarget=mimic.offset, erp=GEAR_ERP,
             maxForce=STRONGEST_GEAR,
         )  # fmt: skip
-
-
-@cache
-def _folder() -> tempfile.TemporaryDirectory[str]:
-    """Return the folder of this process's robots, which is removed at its end."""
-    return tempfile.TemporaryDirectory(prefix="smartmesh_robots_")
 
 
 # Mass of a link that needs one [kg], and its moments of inertia if no shape gives them [kg m^2].

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Mapping
+from functools import cache
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from threading import Lock
@@ -17,6 +20,13 @@ PATIENCE = 120.0
 # The child ends after this time without work [s], which frees its memory of some 100 MB.
 IDLE = 60.0
 _START = "import sys; sys.path[:] = {path!r}; from smartmesh_ros.world.robots.worker import main; main({pipe})"
+
+
+@cache
+def robots_folder() -> tempfile.TemporaryDirectory[str]:
+    """Return the folder of this process's robots, which is removed at its end. The child's files are in it, because one
+    that is killed or crashes removes none."""
+    return tempfile.TemporaryDirectory(prefix="smartmesh_robots_")
 
 
 class Workshop:
@@ -70,6 +80,7 @@ class Workshop:
             self._child = subprocess.Popen(
                 [sys.executable, "-c", _START.format(path=sys.path, pipe=childs.fileno())], pass_fds=[childs.fileno()],
                 stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
+                env={**os.environ, "TMPDIR": robots_folder().name},
             )  # fmt: skip
 
     def _ended(self) -> int:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from geometry_msgs.msg import Twist
 from mcap.reader import make_reader
 from rclpy.serialization import deserialize_message
 from rosbags.interfaces import QosDurability
@@ -18,7 +19,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosgraph_msgs.msg import Clock
 from smartmesh_msgs.msg import Heightmap, TrackedBodyArray
-from smartmesh_msgs.srv import SpawnBody
+from smartmesh_msgs.srv import RemoveBody, SpawnBody
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.optional_messages import class_of
@@ -30,7 +31,7 @@ from tests.node.shared import position_of, spawn, wait_until
 from tests.tools.replay.recordings import RECORDINGS, in_order
 
 ARGUMENTS = [f"-p{name}:={value}" for name, value in RECORDINGS["robot"][0].items()]
-MAP = "/terrain_collider/heightmap"
+MAP, REMOVE = "/terrain_collider/heightmap", "/terrain_collider/remove_body"
 CONTENTS = f"{MAP}  smartmesh_msgs/msg/Heightmap  10 messages"
 
 
@@ -95,10 +96,14 @@ def test_a_topic_that_may_be_meant_for_the_node_is_named(tmp_path: Path, capsys:
     """In a bag of one instant, which is replayed like any other."""
     level, states = heightmap_message([[0.0] * 3] * 3), TrackedBodyArray()
     messages = [(MAP, 0.0, level), ("/maps", 0.0, level), ("/terrain_collider/body_states", 0.0, states)]
-    bags.write(tmp_path / "bag", [*messages, ("/clock", 0.0, Clock())])
-    line = "left out: /maps (smartmesh_msgs/msg/Heightmap); -r '~/INPUT:=/maps' would make it an input"
-    assert main([str(tmp_path / "bag")]) == 0
-    assert [said for said in capsys.readouterr().out.splitlines() if said.startswith("left out")] == [line]
+    driven = "/terrain_collider/cmd_vel/rover", 0.0, Twist()
+    bags.write(tmp_path / "bag", [*messages, ("/clock", 0.0, Clock()), driven, (REMOVE, 0.0, RemoveBody.Request())])
+    name = "left out: /maps (smartmesh_msgs/msg/Heightmap); -r '~/INPUT:=/maps' would make it an input"
+    other = "the node had other parameters or remappings when it was recorded"
+    lines = [name, f"left out: /terrain_collider/cmd_vel/rover (geometry_msgs/msg/Twist); {other}"]
+    for base, expected in (([], lines), (["-p", "bases:=['{body: rover, wheels: [left, right]}']"], [name])):
+        assert main([str(tmp_path / "bag"), *base]) == 0
+        assert [said for said in capsys.readouterr().out.splitlines() if said.startswith("left out")] == expected
     assert main([str(tmp_path / "bag"), "-r", "~/heightmap:=/maps"]) == 0
     assert f"left out: {MAP} " in capsys.readouterr().out
 
