@@ -58,7 +58,7 @@ class OwnTopics:
 
 
 def incompatible_peers(node: Transport, subscriptions: Iterable[Any], publishers: Iterable[Any]) -> dict[str, str]:
-    """Return a description of the peers whose QoS is incompatible with the node's, by topic.
+    """Return a description of the peers whose QoS is incompatible with the node's, and what changes that, by topic.
 
     Costs two counts per topic if all peers are connected. A peer that is about to connect is not reported, because the
     policies themselves are compared.
@@ -74,8 +74,10 @@ def incompatible_peers(node: Transport, subscriptions: Iterable[Any], publishers
             peers = [end for end in pair if (end.node_name, end.node_namespace) != own]
             compatible, reason = qos_check_compatible(*(end.qos_profile for end in pair))
             if len(peers) == 1 and compatible == QoSCompatibility.ERROR:
-                [name] = names_of(peers)
-                found.setdefault(topic, []).append(f"{name}: {reason.replace('ERROR: ', '').strip('; ')}")
+                [name], words = names_of(peers), reason.replace("ERROR: ", "").strip("; ")
+                end = "subscription" if peers[0] is pair[0] else "publisher"
+                cure = f"qos_overrides.{topic}.{end}.<policy> at the start changes this node's {end}"
+                found.setdefault(topic, []).append(f"{name}: {words}; {cure}")
     return {topic: "; ".join(peers) for topic, peers in found.items()}
 
 

@@ -33,7 +33,7 @@ RELIABLE = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
-def test_a_peer_with_incompatible_qos_is_named_with_the_policy(probe: Probe) -> None:
+def test_a_peer_with_incompatible_qos_is_named_with_the_policy_and_the_override(probe: Probe) -> None:
     """And an override of a topic that the node does not have, which is of other nodes in a file for all."""
     with probe.running(parameters=nested("/other", "publisher", {"depth": 3})) as process:
         assert probe.diagnostics("connections")["message"] == "no incompatible QoS"
@@ -49,7 +49,9 @@ def test_a_peer_with_incompatible_qos_is_named_with_the_policy(probe: Probe) -> 
         stubborn.destroy_node()
         maps, contacts = (values[f"incompatible QoS on {COLLIDER}/{topic}"] for topic in ("heightmap", "contacts"))
         assert "/stubborn" in maps and "reliable" in maps
+        assert f"qos_overrides.{COLLIDER}/heightmap.subscription." in maps
         assert "/stubborn" in contacts and "transient local" in contacts.lower()
+        assert f"qos_overrides.{COLLIDER}/contacts.publisher." in contacts
         assert "/probe" not in str(values)
         probe.wait_for(lambda: "'qos_overrides./other.publisher.depth' has no effect so far" in process.output)
 
