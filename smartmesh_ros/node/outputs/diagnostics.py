@@ -117,7 +117,7 @@ class Diagnostics:
         values: dict[str, Any] = {"tiles": len(tiles), "samples": sum(tile.size for tile in tiles.values())}
         for name, tile in list(tiles.items())[:16]:
             values[f"size of {name!r}"] = tile.description
-            values[f"updates of {name!r}"] = tile.version
+            values[f"updates of {name!r}"] = session.maps[name]
         ages = {name: session.clock.steady() - heard for name, heard in sorted(session.deck_times.items())}
         for name, old in ages.items():
             values[f"tiles of deck {name!r}"] = len(self._world.terrain.deck(name).tiles)
@@ -131,7 +131,7 @@ class Diagnostics:
         if silent := [name for name, old in ages.items() if old > STALE]:
             return DiagnosticStatus.WARN, f"no pose comes of the decks {listed(silent)}, which rest", values
         # A single map may be static terrain; after several maps, more are expected.
-        if age > STALE and not sources and session.maps > 1:
+        if age > STALE and not sources and session.maps.total() > 1:
             return DiagnosticStatus.WARN, f"{text}, and nobody publishes maps any more", values
         if session.map_warning:
             return DiagnosticStatus.WARN, session.map_warning, values
