@@ -1,5 +1,5 @@
-"""The ends of the node's topics: its own inputs and outputs, the names of peers, and those with an incompatible quality
-of service (QoS).
+"""The ends of the node's topics: its own inputs and outputs, the names of peers, and those with another type or an
+incompatible quality of service (QoS).
 
 DDS discovery finds a publisher or subscription before its node's name arrives. DDS programs without ROS never send one.
 """
@@ -58,10 +58,11 @@ class OwnTopics:
 
 
 def incompatible_peers(node: Transport, subscriptions: Iterable[Any], publishers: Iterable[Any]) -> dict[str, str]:
-    """Return a description of the peers whose QoS is incompatible with the node's, by topic.
+    """Return a description of the peers whose type or QoS is incompatible with the node's, and what would be right, by
+    topic.
 
     Costs two counts per topic if all peers are connected. A peer that is about to connect is not reported, because the
-    policies themselves are compared.
+    types and policies themselves are compared.
     """
     heard = ((end.topic_name, end.get_publisher_count(), node.count_publishers) for end in subscriptions)
     told = ((end.topic_name, end.get_subscription_count(), node.count_subscribers) for end in publishers)
@@ -70,12 +71,21 @@ def incompatible_peers(node: Transport, subscriptions: Iterable[Any], publishers
     for topic in [topic for topic, connected, count in (*heard, *told) if count(topic) > connected]:
         # The node's own policies also come from the graph, because only the graph resolves defaults.
         ends = product(node.get_publishers_info_by_topic(topic), node.get_subscriptions_info_by_topic(topic))
-        for pair in ends:
-            peers = [end for end in pair if (end.node_name, end.node_namespace) != own]
-            compatible, reason = qos_check_compatible(*(end.qos_profile for end in pair))
-            if len(peers) == 1 and compatible == QoSCompatibility.ERROR:
-                [name] = names_of(peers)
-                found.setdefault(topic, []).append(f"{name}: {reason.replace('ERROR: ', '').strip('; ')}")
+        for publisher, subscription in ends:
+            is_own = [(end.node_name, end.node_namespace) == own for end in (publisher, subscription)]
+            if is_own[0] == is_own[1]:
+                continue
+            kind = "publisher" if is_own[0] else "subscription"
+            mine, peer = (publisher, subscription) if is_own[0] else (subscription, publisher)
+            compatible, reason = qos_check_compatible(publisher.qos_profile, subscription.qos_profile)
+            if peer.topic_type != mine.topic_type:
+                words = f"its type is {peer.topic_type}, and must be {mine.topic_type}"
+            elif compatible == QoSCompatibility.ERROR:
+                cure = f"qos_overrides.{topic}.{kind}.<policy> at the start changes this node's {kind}"
+                words = f"{reason.replace('ERROR: ', '').strip('; ')}; {cure}"
+            else:
+                continue
+            found.setdefault(topic, []).append(f"{names_of([peer])[0]}: {words}")
     return {topic: "; ".join(peers) for topic, peers in found.items()}
 
 

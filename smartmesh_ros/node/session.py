@@ -62,11 +62,11 @@ class Session:
 
     ``frame_id``: the terrain's frame, empty until a map sets it. ``last_map_time``: steady time of the last accepted
     terrain message [s], None before the first; ``deck_times``: of the last pose of each deck that follows a frame or an
-    odometry; ``maps``: number of accepted terrain messages. ``counts``: of what is
-    no refusal but told in the diagnostics, by its words there. ``lock``: guards the world, for executors with several
-    threads. ``handled``: number of messages and calls so far. ``map_warning``: how maps are misused, empty = they are
-    not. ``terrain_subscriptions``: subscriptions to terrain. ``topics``: the node's inputs and outputs.
-    ``source_clocks``: of inputs by the names of their sources.
+    odometry; ``maps``: numbers of accepted terrain messages by tile. ``counts``: of what is no refusal but told in the
+    diagnostics, by its words there. ``lock``: guards the world, for executors with several threads. ``handled``: number
+    of messages and calls so far. ``map_warning``: how maps are misused, empty = they are not.
+    ``terrain_subscriptions``: subscriptions to terrain. ``topics``: the node's inputs and outputs. ``source_clocks``:
+    of inputs by the names of their sources.
     ``turns``: answers under way. ``files``: reads files and prepares robots. ``bases``: robots that
     drive, by name. ``lost``: why bodies were removed, by name, until a reset; ``losses``: number of all so far.
     """
@@ -93,7 +93,7 @@ class Session:
         self.frame_id = settings.frame_id
         self.last_map_time: float | None = None
         self.deck_times: dict[str, float] = {}
-        self.maps = 0
+        self.maps: Counter[str] = Counter()
         self.map_warning = ""
         self.turns = Turns()
         self.files = FileWork()
@@ -290,4 +290,5 @@ class Session:
         require_name(frame_id)
         if self.frame_id and frame_id and frame_id != self.frame_id:
             decks = "".join(f", nor {entry.frame!r} of deck {entry.deck!r}" for entry in self.settings.decks[:5])
-            raise InputError("frame", f"frame {frame_id!r} is not the terrain's frame {self.frame_id!r}{decks}")
+            words = f"frame {frame_id!r} is not the terrain's frame {self.frame_id!r}{decks}"
+            raise InputError("frame", f"{words}; the parameter frame_id sets that, or else the first map does")

@@ -57,6 +57,7 @@ def test_a_map_that_comes_before_the_first_message_of_the_clock_is_of_no_other_c
             node.give("heightmap", message, steps=0)
             said = logged()
             assert ("s ahead of this node's clock" in said) == words and "set use_sim_time" not in said
+            assert ("its publisher needs use_sim_time, too" in said) == words
         assert not node.node.refusals.counts
 
 

@@ -33,23 +33,28 @@ RELIABLE = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
-def test_a_peer_with_incompatible_qos_is_named_with_the_policy(probe: Probe) -> None:
+def test_a_peer_with_incompatible_qos_or_type_is_named_with_what_would_be_right(probe: Probe) -> None:
     """And an override of a topic that the node does not have, which is of other nodes in a file for all."""
     with probe.running(parameters=nested("/other", "publisher", {"depth": 3})) as process:
-        assert probe.diagnostics("connections")["message"] == "no incompatible QoS"
+        assert probe.diagnostics("connections")["message"] == "no incompatible peers"
         stubborn = rclpy.create_node("stubborn", context=probe.context)
         stubborn.create_publisher(Heightmap, f"{COLLIDER}/heightmap", BEST_EFFORT)
         stubborn.create_subscription(ContactArray, f"{COLLIDER}/contacts", print, LATCHED)
+        stubborn.create_publisher(Heightmap, f"{COLLIDER}/joint_commands", 1)
 
         def named() -> Any:
-            found, words = probe.diagnostics("connections"), "incompatible QoS on"
-            return words in found["message"] and sum(key.startswith(words) for key in found) == 2 and found
+            found, words = probe.diagnostics("connections"), "incompatible peers on"
+            return words in found["message"] and sum(key.startswith(words) for key in found) == 3 and found
 
         values = probe.wait_for(named)
         stubborn.destroy_node()
-        maps, contacts = (values[f"incompatible QoS on {COLLIDER}/{topic}"] for topic in ("heightmap", "contacts"))
+        maps, contacts = (values[f"incompatible peers on {COLLIDER}/{topic}"] for topic in ("heightmap", "contacts"))
         assert "/stubborn" in maps and "reliable" in maps
+        assert f"qos_overrides.{COLLIDER}/heightmap.subscription." in maps
         assert "/stubborn" in contacts and "transient local" in contacts.lower()
+        assert f"qos_overrides.{COLLIDER}/contacts.publisher." in contacts
+        said = "/stubborn: its type is smartmesh_msgs/msg/Heightmap, and must be sensor_msgs/msg/JointState"
+        assert values[f"incompatible peers on {COLLIDER}/joint_commands"] == said and said in process.output
         assert "/probe" not in str(values)
         probe.wait_for(lambda: "'qos_overrides./other.publisher.depth' has no effect so far" in process.output)
 
@@ -103,7 +108,8 @@ def test_large_maps_go_through_with_the_installed_profile(probe: Probe, monkeypa
 
 def endpoint(gid: int, name: tuple[str, str] = (UNKNOWN, UNKNOWN), qos: QoSProfile = BEST_EFFORT) -> Any:
     """What the graph tells of a publisher or subscription; ``name``: of its node, and its namespace."""
-    return SimpleNamespace(endpoint_gid=[gid] * 16, node_name=name[0], node_namespace=name[1], qos_profile=qos)
+    about = {"node_name": name[0], "node_namespace": name[1], "topic_type": "", "qos_profile": qos}
+    return SimpleNamespace(endpoint_gid=[gid] * 16, **about)
 
 
 def test_incompatible_peers_are_told_of_by_name() -> None:

@@ -191,6 +191,14 @@ def test_stamps_of_another_clock_keep_their_intervals(behind: float, steps: list
         before = placed
 
 
+@given(st.floats(0.0, 5.0), st.floats(0.1, 1e6))
+def test_one_stamp_from_ahead_shuts_out_no_others_however_late_they_come(late: float, ahead: float) -> None:
+    clock = StampClock()
+    for stamp, age in ((1e6, late), (1e6 + 1.0 + ahead, -ahead), (1e6 + 2.0, late), (1e6 + 3.0, late)):
+        placed = placed_at(clock, stamp, stamp + age)
+    assert not placed.fresh
+
+
 def test_equal_stamps_are_at_equal_times_whatever_rounding() -> None:
     clock = StampClock()
     first = placed_at(clock, 3.3, 3.4, gained=1000.0 / 3.0)

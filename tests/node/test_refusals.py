@@ -117,7 +117,8 @@ def test_every_bad_message_is_refused_counted_and_changes_nothing(logged: Logged
         np.testing.assert_allclose(node.heights(columns, rows), GOOD, atol=1e-6)
         # Each reason was logged, and said what would be right.
         said = logged()
-        for words in ("there must be 1240", "at least 3 x 3", "is not the terrain's frame", "known: ''"):
+        frame = "is not the terrain's frame 'map'; the parameter frame_id sets that"
+        for words in ("there must be 1240", "at least 3 x 3", frame, "known: ''"):
             assert words in said
         # And good input is taken as before.
         node.give("heightmap", stamped(node, heightmap_message(GOOD + 1.0)))

@@ -117,6 +117,7 @@ def test_grid_maps_of_both_orders_scroll_with_their_robot(logged: Logged) -> Non
             ("frame", {"header__frame_id": "base_link"}),
         )  # fmt: skip
         assert shows(node, there)
+        assert node.node._outputs._diagnostics._terrain()[2]["updates of ''"] == 9
     assert "there is no layer 'elevation'; raster.layer may be one of variance, height" in logged()
     with pytest.raises(InputError, match="there is no layer 'elevation'; the map has no layers"):
         grid_map_raster(GridMap(), RasterConfig())

@@ -44,5 +44,5 @@ class SourceClocks(dict[str, StampClock]):
         if age > 0.0:
             session.node.get_logger().info(words)
         else:
-            cure = "" if session.clock.simulated else "set use_sim_time, or "
-            session.node.get_logger().warning(f"{words}; {cure}synchronise the clocks")
+            cure = "its publisher needs use_sim_time, too" if session.clock.simulated else "set use_sim_time"
+            session.node.get_logger().warning(f"{words}; {cure}, or synchronise the clocks")

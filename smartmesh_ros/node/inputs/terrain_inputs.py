@@ -136,6 +136,7 @@ class TerrainInputs:
             for tile in list(of.tiles):
                 of.remove(tile)
         self._checks.forget()
+        self._session.maps.clear()
         self._session.last_map_time, self._session.frame_id = None, self._session.settings.frame_id
 
     def _on_mesh(self, data: bytes) -> None:
@@ -177,14 +178,15 @@ class TerrainInputs:
             ):
                 yield target, placed
             if target.tile in tiles:
+                session.maps[target.name] += 1
                 tiles[target.tile].delay = self._clocks.of(_source(target)).delay
             else:  # the message removed it; names of others may come without end
                 self._clocks.pop(_source(target), None)
+                session.maps.pop(target.name, None)
                 self._checks.forget(target.name)
             if not target.frame:
                 session.frame_id = session.frame_id or start.frame_id or DEFAULT_FRAME
             session.last_map_time = session.clock.steady()
-            session.maps += 1
         self._on_terrain()
 
     def _require_place(self, target: Target, start: Stamped, *, update: bool) -> None:

@@ -73,6 +73,7 @@ class Diagnostics:
         self._window, self._clock_window = PaceWindow(session), PaceWindow(session, session.clock.pace)
         self._rhythm, self._look = Rhythm(session.clock.steady()), Rhythm()
         self._connections: dict[str, int] = {}  # numbers of connected publishers by topic
+        self._incompatible: set[str] = set()  # topics of peers that are told of
         self._refused_before = self._lost_before = 0
         self._waiting_since, self._told = self._session.clock.steady(), False
 
@@ -117,7 +118,7 @@ class Diagnostics:
         values: dict[str, Any] = {"tiles": len(tiles), "samples": sum(tile.size for tile in tiles.values())}
         for name, tile in list(tiles.items())[:16]:
             values[f"size of {name!r}"] = tile.description
-            values[f"updates of {name!r}"] = tile.version
+            values[f"updates of {name!r}"] = session.maps[name]
         ages = {name: session.clock.steady() - heard for name, heard in sorted(session.deck_times.items())}
         for name, old in ages.items():
             values[f"tiles of deck {name!r}"] = len(self._world.terrain.deck(name).tiles)
@@ -131,7 +132,7 @@ class Diagnostics:
         if silent := [name for name, old in ages.items() if old > STALE]:
             return DiagnosticStatus.WARN, f"no pose comes of the decks {listed(silent)}, which rest", values
         # A single map may be static terrain; after several maps, more are expected.
-        if age > STALE and not sources and session.maps > 1:
+        if age > STALE and not sources and session.maps.total() > 1:
             return DiagnosticStatus.WARN, f"{text}, and nobody publishes maps any more", values
         if session.map_warning:
             return DiagnosticStatus.WARN, session.map_warning, values
@@ -221,13 +222,16 @@ class Diagnostics:
         sources = chain.from_iterable(clocks.items() for clocks in reversed(session.source_clocks))
         ages = islice(((source, clock.age) for source, clock in sources if clock.age is not None), MOST_AGES)
         values |= {f"age of stamps on arrival, {source} [s]": f"{age:.3f}" for source, age in ages}
-        values |= {f"incompatible QoS on {topic}": peers for topic, peers in incompatible.items()}
+        values |= {f"incompatible peers on {topic}": peers for topic, peers in incompatible.items()}
+        for topic in incompatible.keys() - self._incompatible:
+            session.node.get_logger().warning(f"incompatible peers on {topic}: {incompatible[topic]}")
+        self._incompatible = set(incompatible)
         if rivals:
             values["/clock is also published by"] = ", ".join(rivals)
             return DiagnosticStatus.ERROR, f"silent on /clock, which {rivals[0]} publishes", values
         if incompatible:
-            return DiagnosticStatus.WARN, f"incompatible QoS on {', '.join(incompatible)}", values
-        return DiagnosticStatus.OK, "no incompatible QoS", values
+            return DiagnosticStatus.WARN, f"incompatible peers on {', '.join(incompatible)}", values
+        return DiagnosticStatus.OK, "no incompatible peers", values
 
 
 def task_status(node_name: str, task: str, level: bytes, text: str, values: dict[str, Any]) -> DiagnosticStatus:

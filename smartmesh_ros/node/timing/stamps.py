@@ -11,7 +11,7 @@ from smartmesh_ros.errors import InputError
 
 # A first stamp whose age on arrival [s] is within these limits is on this node's clock; any other comes from another
 # clock. Under simulated time stamps may be ahead by one more interval of ``/clock``, which messages of a tick may
-# overtake. A source of another clock changes to this node's clock if its stamps are at most half as old.
+# overtake. A source of a clock that is behind changes to this node's clock if its stamps are at most half as old.
 OLDEST, NEWEST = 1.0, -0.05
 # The loop has stalled if stamps of another clock are more than this many times as far apart as their simulated times
 # [-]. That clock may be so much faster than this node's, as of a recording that is played fast.
@@ -87,10 +87,8 @@ class StampClock:
     def is_overtaken(self, stamp: float | None, clock_now: float, most: float) -> bool:
         """Return True if a stamp that arrives at ``clock_now`` [s] is older than the last one of the same clock by up
         to ``most`` [s], because messages were reordered."""
-        last = self._last
-        if stamp is None or last is None or self._is_own(clock_now - stamp) != last.own:
-            return False
-        return 0.0 < last.source_time - stamp <= most
+        last = None if stamp is None else self._last_on_its_clock(clock_now - stamp)
+        return stamp is not None and last is not None and 0.0 < last.source_time - stamp <= most
 
     def place(
         self,
@@ -111,8 +109,7 @@ class StampClock:
         now = time_at(0.0)
         if stamp is None:
             return Placed(None, now)
-        own = self._is_own(clock_now - stamp)
-        last = self._last if self._last is not None and self._last.own == own else None  # on the same clock
+        own, last = self._is_own(clock_now - stamp), self._last_on_its_clock(clock_now - stamp)
         if last is not None and self.is_overtaken(stamp, clock_now, most):
             stamp = last.source_time
         if last is not None and stamp < last.source_time:
@@ -139,11 +136,18 @@ class StampClock:
 
     def _is_own(self, age: float) -> bool:
         """Return True if a stamp of this ``age`` [s] is on this node's clock."""
-        newest = NEWEST - self._interval()
-        if self._last is None:
-            return newest <= age <= OLDEST
-        # A stamp between the last one of this node's clock and now is late, not of another clock.
-        return age >= newest and (self._last.own or age <= 0.5 * OLDEST)
+        last, newest = self._last, NEWEST - self._interval()
+        if last is not None and last.own:  # a stamp between that one and now is late, not of another clock
+            return age >= newest
+        return newest <= age <= (OLDEST if last is None or last.measured < 0.0 else 0.5 * OLDEST)
+
+    def _last_on_its_clock(self, age: float) -> Placed | None:
+        """Return the last stamp if it is on the same clock as one of this ``age`` [s], else None. No clock is both
+        ahead of this node's and behind it."""
+        last, own = self._last, self._is_own(age)
+        if last is None or last.own != own or not (own or (last.measured < 0.0) == (age < 0.0)):
+            return None
+        return last
 
 
 def _delays(last: Placed | None, age: float, own: bool) -> tuple[float, float]:
