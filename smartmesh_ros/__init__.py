@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from smartmesh_ros.errors import InputError as InputError
     from smartmesh_ros.ground.config import PhysicsConfig as PhysicsConfig
+    from smartmesh_ros.ground.config import SleepConfig as SleepConfig
     from smartmesh_ros.ground.ground import Ground as Ground
     from smartmesh_ros.ground.shapes import Box as Box
     from smartmesh_ros.ground.shapes import Capsule as Capsule
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from smartmesh_ros.terrain.material import Material as Material
     from smartmesh_ros.terrain.motion import MotionConfig as MotionConfig
     from smartmesh_ros.terrain.terrain import Terrain as Terrain
+    from smartmesh_ros.terrain.trimesh import TriangleMesh as TriangleMesh
     from smartmesh_ros.world.base import Base as Base
     from smartmesh_ros.world.base import BaseOdometry as BaseOdometry
     from smartmesh_ros.world.base_config import BaseConfig as BaseConfig
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     from smartmesh_ros.world.imu import ImuConfig as ImuConfig
     from smartmesh_ros.world.imu import ImuReading as ImuReading
     from smartmesh_ros.world.joints import JointCommand as JointCommand
+    from smartmesh_ros.world.settings import FallConfig as FallConfig
     from smartmesh_ros.world.snapshot import Snapshot as Snapshot
     from smartmesh_ros.world.world import World as World
     from smartmesh_ros.world.world import WorldConfig as WorldConfig
@@ -41,7 +44,7 @@ if TYPE_CHECKING:
 # The modules of the public names.
 _MODULES = {
     "errors": ("InputError",),
-    "ground.config": ("PhysicsConfig",),
+    "ground.config": ("PhysicsConfig", "SleepConfig"),
     "ground.ground": ("Ground",),
     "world.base": ("Base", "BaseOdometry"),
     "world.base_config": ("BaseConfig",),
@@ -49,6 +52,7 @@ _MODULES = {
     "world.height_scanner": ("HeightScanner",),
     "world.imu": ("Imu", "ImuConfig", "ImuReading"),
     "world.joints": ("JointCommand",),
+    "world.settings": ("FallConfig",),
     "world.snapshot": ("Snapshot",),
     "ground.shapes": ("Box", "Capsule", "Cylinder", "Sphere"),
     "ground.state": ("BodyState",),
@@ -62,6 +66,7 @@ _MODULES = {
     "terrain.material": ("Material",),
     "terrain.motion": ("MotionConfig",),
     "terrain.terrain": ("Terrain",),
+    "terrain.trimesh": ("TriangleMesh",),
 }
 _MODULE_OF = {name: f"{__name__}.{module}" for module, names in _MODULES.items() for name in names}
 

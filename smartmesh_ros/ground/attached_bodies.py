@@ -93,8 +93,9 @@ class AttachedBodies:
         the base or link for these, too, or for a given ``shape`` about the centre of mass (or one that was read
         before), or a bounding sphere of a ``radius`` [m]. ``solid=False`` computes patches without contacts. Returns
         the follower of the link, or of the first one; ``followers.of(body)`` lists all. Raises `InputError`, and
-        attaches nothing, if there is no such body or link, if the body is soft, if a link that moves has a shape that
-        is not convex, or if a link has no shape or is attached already.
+        attaches nothing, if there is no such body or link, if the body is soft or a robot that was loaded with
+        ``useMaximalCoordinates``, if a link that moves has a shape that is not convex, or if a link has no shape or is
+        attached already.
         """
         self.contacts.require_client()
         require_body(self._client, body, link)

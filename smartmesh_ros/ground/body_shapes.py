@@ -17,7 +17,7 @@ from smartmesh_ros.ground.shapes import Solid, Sphere
 
 def read_shapes(client: Any, body: int) -> dict[int, BodyShape]:
     """Return the shapes of those links of a body that have one, -1 = its base: what Bullet collides, meshes as their
-    convex hulls. Raises `InputError` if the body is soft."""
+    convex hulls. Raises `InputError` if the body is soft, or a robot that was loaded with ``useMaximalCoordinates``."""
     try:
         found: dict[int, BodyShape] = CORE.shapes_of(number_of(client), body)
     except ValueError as error:

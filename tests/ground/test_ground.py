@@ -42,6 +42,7 @@ def test_what_cannot_be_attached_is_refused_whole(client: Any) -> None:
     husky, ghost, ball = client.loadURDF(HUSKY), client.createMultiBody(1.0), put(client, BALL, START)
     duck = client.createCollisionShape(client.GEOM_MESH, fileName="duck.obj", flags=client.GEOM_FORCE_CONCAVE_TRIMESH)
     moving, standing = (client.createMultiBody(mass, duck, basePosition=START) for mass in (1.0, 0.0))
+    links = client.loadURDF("r2d2.urdf", useMaximalCoordinates=True)
     ground, bodies = Ground(client, level()), client.getNumBodies()
     refused: list[tuple[int, dict[str, Any], str]] = [
         (husky, {"link": -1}, r"base_footprint.*0 'base_link'.*2 'front_left_wheel_link'.*5 'rear_right_wheel_link'"),
@@ -49,6 +50,8 @@ def test_what_cannot_be_attached_is_refused_whole(client: Any) -> None:
         (ball, {"radius": -1.0}, "radius"),
         (soft, {}, "it is soft, and only rigid bodies and robots collide with the map"),
         (soft, {"radius": 0.1}, "it is soft"),
+        (links, {}, "bodies without numbers.*load the robot without useMaximalCoordinates"),
+        (links, {"link": -1, "radius": 0.1}, "bodies without numbers"),
         (moving, {}, "not convex, and only convex ones collide with the map; load the mesh without"),
     ]
     for body, given, words in refused:

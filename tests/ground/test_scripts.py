@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+import re
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -11,6 +12,7 @@ import pybullet as pb
 import pytest
 from pybullet_utils.bullet_client import BulletClient
 
+import smartmesh_ros
 from smartmesh_ros import (
     BaseConfig,
     BodyState,
@@ -54,6 +56,7 @@ def settings() -> Iterator[tuple[Callable[[int], Any], str]]:
     """Settings and states that are wrong, and words of the refusals."""
     yield (lambda c: World(level(), PhysicsConfig())), "must be WorldConfig(physics="
     yield (lambda c: WorldConfig(physics=None)), "physics of a world is None; it must be PhysicsConfig(...)"
+    yield (lambda c: WorldConfig(falls=100.0)), "falls of a world is 100.0; it must be FallConfig(...)"
     yield (lambda c: PhysicsConfig(gravity=9.81)), "gravity is 9.81; it must be three"
     for name, value in {"rate": "fast", "gravity": (0.0, np.nan, 0.0), "restitution": 1.5, "friction": -0.1}.items():
         yield (lambda c, name=name, value=value: PhysicsConfig(**{name: value})), name
@@ -156,6 +159,7 @@ def test_a_wrong_call_is_told_what_would_be_right(client: int, call: Callable[[i
     with pytest.raises(InputError) as caught:
         call(client)
     assert words in str(caught.value)
+    assert {*re.findall(r"(?:pass|be) ([A-Z]\w+)\(", str(caught.value))} <= {*smartmesh_ros.__all__}
 
 
 def test_ground_and_soil_cannot_be_exchanged_by_an_assignment_that_changes_nothing(client: int) -> None:

@@ -3,6 +3,7 @@
 #include <stdexcept>
 
 #include <BulletCollision/CollisionShapes/btCollisionShape.h>
+#include <BulletDynamics/ConstraintSolver/btTypedConstraint.h>
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 
 namespace smartmesh {
@@ -22,9 +23,18 @@ btCollisionObject* find_object(btDiscreteDynamicsWorld& world, const ObjectName&
   return nullptr;
 }
 
-void require_rigid(const btCollisionObject& object) {
+void require_attachable(btCollisionObject& object) {
   if (object.getInternalType() == btCollisionObject::CO_SOFT_BODY)
     throw std::invalid_argument("it is soft, and only rigid bodies and robots collide with the map");
+  btRigidBody* body = btRigidBody::upcast(&object);
+  for (int k = 0; body != nullptr && k < body->getNumConstraintRefs(); ++k) {
+    const btTypedConstraint& joint = *body->getConstraintRef(k);
+    for (const btRigidBody* joined : {&joint.getRigidBodyA(), &joint.getRigidBodyB()})
+      if (joined->isInWorld() && name_of(*joined).body < 0)
+        throw std::invalid_argument(
+            "its links are bodies without numbers, which would fall through the map; load the robot without "
+            "useMaximalCoordinates");
+  }
 }
 
 btMultiBody* robot_of(btCollisionObject& object) {

@@ -15,8 +15,9 @@ struct ObjectName {
 ObjectName name_of(const btCollisionObject& object);
 // Returns the object with a name; null if there is none.
 btCollisionObject* find_object(btDiscreteDynamicsWorld& world, const ObjectName& name);
-// Throws `std::invalid_argument` if a body is soft.
-void require_rigid(const btCollisionObject& object);
+// Throws `std::invalid_argument` if a body is soft, or is joined to bodies that PyBullet gave no number, as the links
+// of a URDF that was loaded with useMaximalCoordinates.
+void require_attachable(btCollisionObject& object);
 
 // Returns the robot that an object is a link of; null if it is none.
 btMultiBody* robot_of(btCollisionObject& object);

@@ -84,7 +84,7 @@ std::map<int, BodyShape> link_shapes(btDiscreteDynamicsWorld& world, int body) {
   for (int k = 0; k < objects.size(); ++k) {
     const ObjectName name = name_of(*objects[k]);
     if (name.body != body) continue;
-    require_rigid(*objects[k]);
+    require_attachable(*objects[k]);
     std::vector<ShapePart> parts;
     for_each_part(*objects[k]->getCollisionShape(), btTransform::getIdentity(),
                   [&](const btCollisionShape& part, const btTransform& pose) { add_part(part, pose, parts); });

@@ -30,7 +30,7 @@ void for_each_part(const btCollisionShape& shape, const btTransform& pose, const
 std::optional<Convex> convex_of(const btConvexShape& shape);
 
 // Returns the shapes of those links of a PyBullet body that have one, -1 = the base. A part whose kind is not known
-// here is the ball about the centre of mass that holds it. Throws `std::invalid_argument` if the body is soft.
+// here is the ball about the centre of mass that holds it. Throws as `require_attachable` does.
 std::map<int, BodyShape> link_shapes(btDiscreteDynamicsWorld& world, int body);
 
 // Throws `std::invalid_argument` if physics moves an object of which a part is not convex: nothing of such a part would

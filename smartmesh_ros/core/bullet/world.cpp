@@ -90,7 +90,7 @@ bool BulletWorld::attach(int index, const ObjectName& name, int proxy, const Bod
   btCollisionObject* found = proxy < 0 ? nullptr : find_object(now.world, {proxy, -1});
   btRigidBody* ground = found == nullptr ? nullptr : btRigidBody::upcast(found);
   if (object == nullptr || (proxy >= 0 && ground == nullptr)) return false;
-  require_rigid(*object);
+  require_attachable(*object);
   if (ground != nullptr) require_convex_if_moved(*object);
   if (!is_hooked_) hook_.enter(now.world), is_hooked_ = true;
   if (index >= static_cast<int>(attached.slots.size())) attached.slots.resize(index + 1);
