@@ -141,6 +141,8 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
                 node.turn()
             turned = False
             while not stop.asked and (left := node.pacer.remaining()) > 0.0:
+                if node.pacer.follows_clock:  # it may stand still, and its next message ends the wait
+                    left = LONGEST_WAIT
                 works = (left > TURN or not turned) and node.turn()
                 turned |= works
                 _handle(executor, node.refusals, 0.0 if works else min(left, LONGEST_WAIT))
