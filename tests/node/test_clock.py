@@ -37,7 +37,7 @@ def set_clock(node: Fed, time: float) -> None:
     """Has a node hear a message of ``/clock`` [s], and run the steps that it releases."""
     node.node._time_source.clock_callback(Clock(clock=stamp_of(time)))
     while node.node.pacer.remaining() <= 0.0:
-        node.node.tick(node.node.pacer.advance())
+        node.node.tick(node.node.pacer.advance)
 
 
 def test_a_clock_at_the_last_stamp_that_there_is_ends_no_node() -> None:
