@@ -120,8 +120,8 @@ def spin(make_node: Callable[[], Any], args: Sequence[str] | None = None) -> Non
 
 
 def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
-    """Make a node, as `started` does, call its ``tick(skipped)`` at each deadline of its ``pacer``, and handle messages
-    in between, until SIGINT or SIGTERM.
+    """Make a node, as `started` does, call its ``tick(pacer.advance)`` at each deadline of its ``pacer``, and handle
+    messages in between, until SIGINT or SIGTERM.
 
     This loop keeps the deadlines and calls ``spin_once`` of the events executor, which costs a tenth of the others at
     240 Hz. Long answers continue in between by the node's ``turn()``. Input that rclpy rejects (a malformed request, a
@@ -141,6 +141,8 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
                 node.turn()
             turned = False
             while not stop.asked and (left := node.pacer.remaining()) > 0.0:
+                if node.pacer.follows_clock:  # it may stand still, and its next message ends the wait
+                    left = LONGEST_WAIT
                 works = (left > TURN or not turned) and node.turn()
                 turned |= works
                 _handle(executor, node.refusals, 0.0 if works else min(left, LONGEST_WAIT))
@@ -148,7 +150,7 @@ def run(make_node: Callable[[], Any], args: list[str] | None = None) -> None:
                     node.idle()
                     worked = monotonic()
             if not stop.asked:
-                node.tick(node.pacer.advance())
+                node.tick(node.pacer.advance)
                 worked = monotonic()
 
 

@@ -263,7 +263,7 @@ class Session:
         ground = float("nan") if on_ground else float(self.world.ground_at([[x, y]]).z[0])
         if not on_ground and self.world.terrain.empty:
             words = f"{name!r} falls, because there is no ground before the first map"
-        elif z < ground:
+        elif z < ground and name in (below.partition("/")[0] for below in self.world.below_ground()):
             words = (
                 f"{name!r} starts {ground - z:.2f} m below the ground, which is at z = {ground:.2f} m there, and is "
                 "put onto it; on_ground: true chooses the height"

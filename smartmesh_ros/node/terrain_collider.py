@@ -9,7 +9,7 @@ shows them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rclpy.parameter import Parameter
@@ -77,9 +77,9 @@ class Collider:
             serve_simulation_interfaces(session, self)
         session.clock.on_set_back(self._forget_stamps)
 
-    def tick(self, skipped: int = 0) -> None:
-        """Runs one physics step (none while paused), after ``skipped`` ones in which simulated time alone advances, and
-        publishes the outputs that are due."""
+    def tick(self, advance: Callable[[], int] = int) -> None:
+        """Runs one physics step (none while paused), and publishes the outputs that are due. ``advance`` sets the next
+        deadline, and returns for how many steps simulated time alone advances before this one."""
         session = self.session
         with session.lock:
             with session.enduring("inputs"):
@@ -87,12 +87,14 @@ class Collider:
                 self._decks.refresh()
                 self._peers.refresh()
                 self._bodies.expire()
+            if not session.paused:
+                self._outputs.publish_patches()
+            skipped = advance()  # until the step is done, the deadline is one step ahead of simulated time
             with session.enduring("physics"):
                 if session.paused:
                     session.world.update()
                 else:
                     session.world.skip(skipped)
-                    self._outputs.publish_patches()
                     session.world.step()
             session.note_lost(self.initial.names)
             self._outputs.publish()

@@ -16,7 +16,7 @@ from smartmesh_ros.terrain.checked_heights import (
     checked_time,
     unmasked,
 )
-from smartmesh_ros.terrain.grid import FloatArray, IntArray
+from smartmesh_ros.terrain.grid import MAX_COORDINATE, FloatArray, IntArray
 from smartmesh_ros.terrain.heightmap import Samples, ground_heights
 from smartmesh_ros.terrain.motion import CLOCK, INSTANT, MotionConfig, MovingGround, checked_motion, next_revision
 
@@ -45,7 +45,7 @@ class TriangleMesh(MovingGround):
         velocities: ArrayLike | None = None,
         motion: MotionConfig | None = None,
     ) -> None:
-        time, positions = checked_time(time), _checked_vectors(vertices, None, "vertices")
+        time, positions = checked_time(time), _checked_places(vertices, None)
         self.triangles = _checked_triangles(triangles, len(positions))
         # The mesh of the C++ core, whose memory the arrays are.
         self.core_reader: Any = CORE.Mesh(positions.T.copy(), self.triangles)
@@ -104,7 +104,7 @@ class TriangleMesh(MovingGround):
         time = checked_next_time(time, self.time)
         chosen = None if indices is None else _checked_indices(indices, self.size)
         count = self.size if chosen is None else len(chosen)
-        new = _checked_vectors(vertices, count, "vertices").T
+        new = _checked_places(vertices, count).T
         speeds = None if velocities is None else _checked_vectors(velocities, count, "velocities").T
         given = None if speeds is None else np.ascontiguousarray(speeds)
         intervals = self.motion.min_interval, self.motion.max_interval
@@ -156,6 +156,13 @@ def _checked_triangles(triangles: ArrayLike, count: int) -> IntArray:
     if (corners == np.roll(corners, 1, axis=1)).any():
         raise InputError("index", "a triangle uses the same vertex twice; its corners must be distinct")
     return corners
+
+
+def _checked_places(vertices: ArrayLike, count: int | None) -> FloatArray:
+    places = _checked_vectors(vertices, count, "vertices")
+    if (farthest := np.abs(places).max(initial=0.0)) > MAX_COORDINATE:
+        raise InputError("geometry", f"vertices are up to {farthest:g} m away; at most {MAX_COORDINATE:g} is possible")
+    return places
 
 
 def _checked_vectors(values: ArrayLike, count: int | None, what: str) -> FloatArray:

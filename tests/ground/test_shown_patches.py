@@ -101,8 +101,10 @@ def test_a_marker_has_the_cells_of_the_map_in_reach_and_no_others(seed: int, rad
 @pytest.mark.parametrize("radius", [0.3, 6.0])
 def test_points_are_samples_and_say_how_many_were_left_out(radius: float) -> None:
     terrain = rough(side=201)
-    table = balls_on(terrain, [radius]).at(np.array([[*terrain.geometry.to_world(100.2, 99.7), 0.3]]))
+    place = np.array([[*terrain.geometry.to_world(100.2, 99.7), 0.3]])
+    table = balls_on(terrain, [radius]).at(place)
     stride = int(table.stride[0])
+    assert balls_on(terrain_of(deck=Deck(terrain)), [radius]).at(place).stride.tolist() == [stride]
     assert (stride == 1) == (radius < 1.0)
     side = round(len(table.points_of(0)) ** 0.5)
     steps = stride * (np.arange(side) - side // 2)

@@ -237,7 +237,7 @@ class Fed:
                 due = now[0] + period
                 give()
             now[0] += max(self.node.pacer.remaining(), 0.0)
-            self.node.tick(self.node.pacer.advance())
+            self.node.tick(self.node.pacer.advance)
             found.append(look())
         return found
 

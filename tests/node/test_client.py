@@ -9,14 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
+from rosgraph_msgs.msg import Clock
 from smartmesh_msgs.msg import ColliderPatch, ColliderPatchArray, TrackedBody, TrackedBodyArray
 from visualization_msgs.msg import MarkerArray
 
+from smartmesh_ros import BodyState
 from smartmesh_ros.errors import InputError
+from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.client import PatchClient, TrackedLink
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import COLLIDER, Probe, heightmap_message, mesh_message, pose_message
-from tests.node.shared import changed
+from tests.node.shared import changed, seconds
 
 SHARED = {"publish.patches": 60.0, "publish.incremental": True, "terrain.motion": "hold", "bodies.timeout": 1.0}
 RESOLUTION = 0.1
@@ -114,6 +117,22 @@ def test_a_wait_for_patches_of_a_node_that_is_not_there_says_so() -> None:
     words = r"no patch of \['wheel'\] after 0.1 s; nobody publishes /nobody/collider_patches; running nodes: "
     with PatchClient("/nobody") as client, pytest.raises(TimeoutError, match=words):
         client.wait_for(["wheel"], timeout=0.1)
+
+
+def test_patches_are_where_the_ground_is_at_their_stamp() -> None:
+    """It rises at 1 m/s."""
+    events: list[Any] = []
+    for k in range(60):
+        message = heightmap_message(np.full((20, 20), k / 20), velocities=np.ones((20, 20)))
+        message.header.stamp = stamp_of(1000.0 + k / 20)
+        events += [("/clock", k / 20, Clock(clock=message.header.stamp)), ("heightmap", k / 20, message)]
+    with Replay(events, {"use_sim_time": True}, keep=["collider_patches"]) as run:
+        run.world.track("wheel", 0.2, BodyState((1.0, 1.0, 1.0)))
+        run.run()
+        found = [(seconds(one.header.stamp), one.patches) for one in run.received("collider_patches")[5:]]
+        assert len(found) > 50
+        for stamp, [patch] in found:
+            assert patch.mesh.vertices[0].z == pytest.approx(stamp - 1000.0, abs=1e-5)
 
 
 def test_changes_that_come_while_a_simulator_is_busy_are_kept(shared: Probe) -> None:

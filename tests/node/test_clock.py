@@ -13,6 +13,7 @@ from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from smartmesh_msgs.msg import Heightmap, TrackedBody, TrackedBodyArray
+from smartmesh_msgs.srv import QueryGround
 from std_srvs.srv import SetBool
 from tf2_msgs.msg import TFMessage
 
@@ -36,7 +37,7 @@ def set_clock(node: Fed, time: float) -> None:
     """Has a node hear a message of ``/clock`` [s], and run the steps that it releases."""
     node.node._time_source.clock_callback(Clock(clock=stamp_of(time)))
     while node.node.pacer.remaining() <= 0.0:
-        node.node.tick(node.node.pacer.advance())
+        node.node.tick(node.node.pacer.advance)
 
 
 def test_a_clock_at_the_last_stamp_that_there_is_ends_no_node() -> None:
@@ -114,7 +115,7 @@ def test_each_state_has_its_own_stamp_and_rates_count_simulated_time(interval: f
 
 
 def test_what_waits_for_a_clock_says_so_and_publishes_to_new_subscribers_and_after_calls_alone(probe: Probe) -> None:
-    """No state is told twice. Whoever comes while a simulator is paused sees what is there."""
+    """No state is told twice. Whoever comes while a simulator is paused sees what is there, and is answered."""
     with probe.running(parameters={"use_sim_time": True}) as process:
         spawn(probe, "ball", (0.0, 0.0, HEIGHT))
         seen = probe.received[f"{COLLIDER}/body_states"]
@@ -135,6 +136,11 @@ def test_what_waits_for_a_clock_says_so_and_publishes_to_new_subscribers_and_aft
 
         probe.wait_for(runs)
         probe.wait_for(lambda: probe.diagnostics("physics")["message"] == "waits for /clock, which stands still")
+        start = float(next(time))
+        for part in range(6):  # of the time between two steps
+            clock.publish(Clock(clock=stamp_of(start + part * STEP / 6)))
+            probe.spin(0.1)
+            assert "map" in probe.call("query_ground", QueryGround).message
 
 
 @pytest.mark.parametrize(("speed", "words"), [(0.4, "as fast as /clock"), (None, "slower than /clock (0.")])

@@ -57,7 +57,7 @@ def test_decks_follow_a_frame_and_an_odometry(now: list[float]) -> None:
 
         for tile, frame in (("ferry", "ferry/base_link"), ("barge", "")):
             node.give("heightmap", heightmap_message(FLAT, resolution=0.25, origin=ORIGIN, tile=tile, frame_id=frame))
-        assert max(node.play(now, 4.0, 0.02, sail, error)[240:]) < 0.002
+        assert max(node.play(now, 4.0, 0.02, sail, error)[240:]) < 1e-4
         _, words, values = node.node._outputs._diagnostics._terrain()
         assert "pose" not in words and float(values["age of deck 'ferry' [s]"]) < 0.1
         now[0] += 3.0

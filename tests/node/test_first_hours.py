@@ -10,7 +10,8 @@ from std_srvs.srv import Trigger
 
 from smartmesh_ros import BodyState, Sphere
 from smartmesh_ros.tools.replay.replay import Replay
-from smartmesh_ros.tools.testing import floats, heightmap_message, pose_message
+from smartmesh_ros.tools.testing import floats, heightmap_message, mesh_message, pose_message
+from tests.core import mesh_parts
 from tests.node.shared import BALL, Logged, fed, on_level, told
 from tests.urdfs import ROVER
 
@@ -97,6 +98,9 @@ def test_a_body_that_is_spawned_before_or_below_the_ground_is_told_that_it_falls
         assert run.call("spawn_bodies", SpawnBodies.Request(bodies=bodies)).message.count(words) == 2
         assert spawned("on", on_ground=True) == spawned("above", pose=pose_message((2.0, 2.0, 1.0))) == ""
         assert len(lines(run, words)) == 3
+        vertices, triangles = mesh_parts.sheet(6.0, 2)
+        run.give("terrain_mesh", mesh_message(vertices + [0.0, 0.0, 3.0], triangles, tile="roof"))
+        assert spawned("under a roof", pose=pose_message((2.0, 2.0, 1.0))) == ""
         run.run(0.2)
         assert run.world.state("alone").position[2] > 0.1
 

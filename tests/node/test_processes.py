@@ -5,7 +5,7 @@ import gc
 import resource
 import signal
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -191,7 +191,8 @@ def test_a_node_counts_no_deadlines_while_it_starts(own_signals: None, monkeypat
             self.pacer = Pacer(0.2, now=lambda: monotonic() + started[0])
             started[0] = 1000.0
 
-        def tick(self, _: int) -> None:
+        def tick(self, advance: Callable[[], int]) -> None:
+            advance()
             missed.append(self.pacer.misses)
             signal.raise_signal(signal.SIGTERM)
 

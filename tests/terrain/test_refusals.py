@@ -153,6 +153,7 @@ REFUSED: dict[tuple[Callable[..., object], str], list[tuple[Any, str]]] = {
     ],
     (mesh, "index"): [((PLACES, [corners]), "a triangle uses") for corners in ([0, 1, 48], [0, 1, -1], [0, 1, 1])],
     (mesh, "type"): [((PLACES, [[0.0, 1.0, 2.0]]), "whole numbers")],
+    (mesh, "geometry"): [((PLACES * 1e12,), "m away")],
     (mesh, "non_finite"): [((PLACES * NAN,), "not finite"), ((np.ma.masked_equal(PLACES, PLACES[5, 2]),), "finite")],
 }  # fmt: skip
 
@@ -211,7 +212,8 @@ UPDATES = [
     *((mesh_update, (vertices,), {} if indices is None else {"indices": indices}, reason)
         for vertices, indices, reason in (
             (np.zeros((3, 3)), None, "length"), (np.zeros((1, 3)), [48], "index"), (np.zeros((2, 3)), [4, 4], "index"),
-            (np.zeros((2, 3)), [4], "length"), (np.full((1, 3), INF), [4], "non_finite"))),
+            (np.zeros((2, 3)), [4], "length"), (np.full((1, 3), INF), [4], "non_finite"),
+            (np.full((1, 3), -1e12), [4], "geometry"))),
 ]  # fmt: skip
 
 

@@ -97,7 +97,7 @@ struct Patches {
     std::vector<FrameVelocity> motion;
     for (std::int64_t slot : slots_below(slots, patches.size())) {
       const ShownPatch& it = (*this)[slot];
-      rows.push_back({it.is_mesh, it.tile, it.row, it.column, it.is_mesh ? 1 : it.square.stride,
+      rows.push_back({it.is_mesh, it.tile, it.row, it.column, it.of_mesh ? 1 : it.square.stride,
                       static_cast<std::int64_t>(it.points.size()), static_cast<std::int64_t>(it.triangles.size()),
                       it.points_revision, it.deck, it.of_mesh});
       motion.push_back({it.linear, it.angular});

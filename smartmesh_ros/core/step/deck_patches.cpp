@@ -76,6 +76,7 @@ void DeckPatches::show(const ShownPatch& on, const FrameState& frame, ShownPatch
   shown.points.swap(points), shown.triangles.swap(triangles);
   shown.near = on.near;
   shown.is_mesh = true, shown.of_mesh = on.of_mesh, shown.deck = number_;
+  shown.square.stride = on.square.stride;
   shown.tile = on.tile, shown.row = on.row, shown.column = on.column;
 }
 

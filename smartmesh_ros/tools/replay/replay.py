@@ -203,7 +203,7 @@ class Replay:
         while pacer.remaining() <= 0.0 if clock.simulated else pacer.deadline < time - SLACK:
             if not clock.simulated:
                 clock.elapsed = max(pacer.deadline, clock.elapsed)
-            self.collider.tick(pacer.advance())
+            self.collider.tick(pacer.advance)
             self._settle()
             yield
         clock.elapsed = max(clock.elapsed, time if time < math.inf else 0.0)
