@@ -184,10 +184,10 @@ def test_the_collider_takes_or_refuses_any_value_of_any_parameter() -> None:
 
 
 def test_a_node_of_the_same_name_is_warned_about(shared: Probe, log: Log) -> None:
-    assert log.lines("[WARN]") == []
+    assert log("[WARN]") == []
     with Process("terrain_collider", arguments=["--ros-args", "-r", f"__ns:={shared.namespace}", "--"]) as second:
-        shared.wait_for(lambda: log.lines("another node") and "another node" in second.output)
-    assert len(log.lines("[WARN]")) == 1
+        shared.wait_for(lambda: log("another node") and "another node" in second.output)
+    assert len(log("[WARN]")) == 1
 
 
 def test_a_change_has_a_line_and_a_refusal_says_what_would_be_right(logged: Logged) -> None:
