@@ -200,7 +200,6 @@ SECURE = {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce", "RO
 @pytest.mark.parametrize(
     ("name", "parameters", "environment", "words"),
     [
-        ("terrain_collider", {"bodies.spawn": ["{id: x}"]}, {}, "bodies.spawn"),
         ("terrain_score", {"csv": "/nowhere/score.csv"}, {}, "csv cannot be written: [Errno 2]"),
         ("terrain_collider", {}, {"ROS_DOMAIN_ID": "300"}, "ROS_DOMAIN_ID is '300'; it must be"),
         # No node runs in the clear where security was asked for.
