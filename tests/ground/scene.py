@@ -43,7 +43,8 @@ class Scene:
                     self.bodies.append(put(self.client, shape, place, useMaximalCoordinates=(row + column) % 2))
             for base, fixed in ((0.3, False), (0.2, True)):
                 at = (x + 1.0, -1.0 + 2.0 * fixed, base)
-                self.bodies.append(self.client.loadURDF(HUSKY, at, useFixedBase=fixed))
+                unseen = pb.URDF_IGNORE_VISUAL_SHAPES  # which take most of the time of the scene
+                self.bodies.append(self.client.loadURDF(HUSKY, at, useFixedBase=fixed, flags=unseen))
         for name, carrier in (("ship", None), ("bed", self.bodies[6])):
             tile = HeightMap(np.zeros((9, 9)), resolution=0.1, origin=(-0.4, -0.4))
             self.terrain.put(name, Deck(tile, thickness=0.1, position=(-2.0, 0.0, 1.0)))

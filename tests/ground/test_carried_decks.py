@@ -199,18 +199,14 @@ def test_a_load_of_any_mass_rests_on_its_carrier_also_on_a_slope_and_off_the_mid
 @pytest.mark.parametrize("off", [0.1, 0.36])  # 0.36: most of the load is beside the sledge itself
 def test_a_carrier_and_its_load_sleep_once_they_rest_and_wake_together(off: float, pushed: str) -> None:
     with on_sledge(level(81, 0.5), Box(0.2, 0.2, 0.2), (20.0, 3.0), BodyState((off, 0.0, 0.31))) as world:
-        world.step(480)
-        assert world.state("load").position[2] == pytest.approx(0.31, abs=1e-4)
-        assert world.is_asleep("sledge")
-        assert world.is_asleep("load")
-        world.client.resetBaseVelocity(world.bodies[pushed].uid, (0.0, 0.5, 0.0))
-        world.step(3)
-        assert not world.is_asleep("sledge")
-        assert not world.is_asleep("load")
-        world.step(480)
-        assert world.state("load").position[2] == pytest.approx(0.31, abs=1e-4)
-        assert world.is_asleep("sledge")
-        assert world.is_asleep("load")
+        for is_pushed in (False, True):
+            if is_pushed:
+                world.client.resetBaseVelocity(world.bodies[pushed].uid, (0.0, 0.5, 0.0))
+                world.step(3)
+                assert not world.is_asleep("sledge") and not world.is_asleep("load")
+            world.step(480)
+            assert world.state("load").position[2] == pytest.approx(0.31, abs=1e-4)
+            assert world.is_asleep("sledge") and world.is_asleep("load")
 
 
 @pytest.mark.parametrize(("sledge", "load"), [(20.0, 5.0), (20.0, 20.0), (5.0, 20.0)])

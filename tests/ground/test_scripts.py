@@ -69,10 +69,8 @@ def settings() -> Iterator[tuple[Callable[[int], Any], str]]:
     yield (lambda c: FallConfig(depth="deep")), "depth is 'deep'"
     yield (lambda c: GuestConfig(settle=-0.1)), "settle of guests is -0.1"
     for margin in (0.0, "wide"):
-        yield (
-            (lambda c, margin=margin: GuestConfig(margin=margin)),
-            f"margin of guests is {margin!r}; it must be finite",
-        )
+        words = f"margin of guests is {margin!r}; it must be finite"
+        yield (lambda c, margin=margin: GuestConfig(margin=margin)), words
     for name, wrong in (
         ("rate", 0.0), ("rate", np.nan), ("rate", "fast"), ("seed", -1), ("seed", 0.5), ("gyroscope_bias", (0.0, 1.0)),
         ("accelerometer_bias", (0.0, 0.0, np.inf)), ("gyroscope_noise_density", -1.0),

@@ -78,5 +78,7 @@ def shared(shared_node: tuple[Probe, Process, Any]) -> Iterator[Probe]:
 
 @pytest.fixture
 def log(shared_node: tuple[Probe, Process, Any]) -> Log:
-    """What the shared node says from now on."""
-    return Log(shared_node[1])
+    """Lines with some words that the shared node says from now on."""
+    _, process, _ = shared_node
+    before = len(process.output)
+    return lambda words: [line for line in process.output[before:].splitlines() if words in line]

@@ -34,10 +34,11 @@ from smartmesh_ros.node.services.turns import Work
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.replay.replay import Replay
-from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, Process, heightmap_message, pose_message
+from smartmesh_ros.tools.testing import COLLIDER, TIMEOUT, Probe, heightmap_message, pose_message
 
 ROOT = Path(__file__).parents[2]
 Logged = Callable[[], str]  # the fixture `logged`
+Log = Callable[[str], list[str]]  # the fixture `log`
 BALL = SolidPrimitive(type=SolidPrimitive.SPHERE, dimensions=[0.2])
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # Environment in which nodes share no memory with the tests; see the file.
@@ -45,17 +46,6 @@ UDP_ONLY = {
     "FASTRTPS_DEFAULT_PROFILES_FILE": str(Path(__file__).parent / "udp_only.xml"),
     "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
 }
-
-
-class Log:
-    """What a process says from now on."""
-
-    def __init__(self, process: Process) -> None:
-        self._process, self._before = process, len(process.output)
-
-    def lines(self, words: str) -> list[str]:
-        """Lines with these words."""
-        return [line for line in self._process.output[self._before :].splitlines() if words in line]
 
 
 def show_map(probe: Probe, heights: ArrayLike, **options: Any) -> Heightmap:

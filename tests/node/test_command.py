@@ -65,20 +65,14 @@ def whole(*words: str) -> str:
     return result.stderr if result.returncode else result.stdout.strip()
 
 
-def test_nodes_that_are_discovered_one_after_the_other_are_listed(
-    smartmesh: Command, monkeypatch: pytest.MonkeyPatch
+def test_nodes_that_are_discovered_late_and_one_after_the_other_are_listed(
+    remote: Remote, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    looks = iter([[], ["/a"], ["/a"], ["/a", "/b"]])
-    monkeypatch.setattr(command, "colliders", lambda _: next(looks, ["/a", "/b"]))
-    assert smartmesh("nodes").split() == ["/a", "/b"]
-
-
-def test_a_node_that_is_too_busy_to_answer_at_once_is_listed(remote: Remote, monkeypatch: pytest.MonkeyPatch) -> None:
-    """This process announces itself for three seconds."""
+    """One may be too busy to answer at once: this process announces itself for three seconds."""
     now = [0.0]
     monkeypatch.setattr(command, "monotonic", lambda: now[0])
     monkeypatch.setattr(remote, "spin", lambda _: now.__setitem__(0, now[0] + 0.1))
-    monkeypatch.setattr(command, "colliders", lambda _: ["/a", "/b"] if now[0] > 3.2 else ["/a"])
+    monkeypatch.setattr(command, "colliders", lambda _: ["/a", "/b"][: (now[0] > 0.2) + (now[0] > 3.4)])
     assert command.show_nodes(remote, argparse.Namespace()).split() == ["/a", "/b"]
 
 

@@ -46,13 +46,15 @@ def test_masked_heights_are_holes_and_others_than_a_grid_are_refused() -> None:
             heightmap_message(values)
 
 
-def test_vertices_in_holes_are_on_the_map_and_others_without_height_are_not() -> None:
+def test_vertices_in_holes_are_on_the_map_and_others_without_height_or_none_at_all_are_not() -> None:
     heights = np.where(np.eye(4), np.nan, 1.0)
     rows, columns = np.indices((4, 4))
     vertices = np.column_stack([0.1 * columns.ravel(), 0.1 * rows.ravel(), heights.ravel()])
     assert_on_map(vertices, heightmap_message(heights))
     with pytest.raises(AssertionError, match="a vertex is not at its sample's height"):
         assert_on_map(vertices, heightmap_message(np.ones((4, 4))))
+    with pytest.raises(AssertionError, match="there are no points"):
+        assert_on_map(np.empty((0, 3)), heightmap_message(heights))
 
 
 @settings(deadline=None)

@@ -1,7 +1,6 @@
 """Parameters: presets, help, dumps, files that say everything; those that cannot be are refused at the start, with what
 would be right. The node takes nothing from its own outputs: else a robot's odometry becomes a body inside the robot."""
 
-import subprocess
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -11,11 +10,11 @@ import yaml
 from rcl_interfaces.msg import ParameterType
 from rclpy.parameter import Parameter, parameter_dict_from_yaml_file, parameter_value_to_python
 
-from smartmesh_ros.node.parameters.helping import help_text, parameter_file
+from smartmesh_ros.node.parameters.helping import answer, help_text, parameter_file
 from smartmesh_ros.node.parameters.specifications import SPECS
 from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.tools.client import command
-from smartmesh_ros.tools.testing import COLLIDER, executable
+from smartmesh_ros.tools.testing import COLLIDER
 from tests.launch_files import LAUNCH, Launch, Recorded, stand_ins
 from tests.node.shared import Logged, made_with, refusal_at_start
 
@@ -120,35 +119,27 @@ def test_deleting_a_parameter_empties_a_list_and_is_refused_of_all_others() -> N
         assert node.set_parameters_atomically([Parameter("physics.rate", value=60.0)]).successful
 
 
-def test_a_printed_parameter_file_says_all_the_defaults(tmp_path: Path, logged: Logged) -> None:
-    file = tmp_path / "all.yaml"
-    file.write_text(parameter_file("terrain_collider", SPECS))
-    set_there = {spec.name: spec.default for spec in SPECS if spec.default != []}
-    assert parameters_of(file) == set_there
-    assert all(spec.name in file.read_text() for spec in SPECS)
+@pytest.mark.parametrize("specs", [SPECS, []], ids=["all", "none"])
+def test_a_printed_parameter_file_says_all_the_defaults(specs: Any, tmp_path: Path, logged: Logged) -> None:
+    """Also that of a node without parameters can be read."""
+    file = tmp_path / "printed.yaml"
+    file.write_text(parameter_file("printed", specs))
+    assert parameters_of(file) == {spec.name: spec.default for spec in specs if spec.default != []}
+    assert all(spec.name in file.read_text() for spec in specs)
     with made_with(TerrainCollider, {}, ["--params-file", str(file)]) as node:
-        assert values(node, set_there) == set_there
+        assert node.values == {spec.name: spec.default for spec in SPECS}
     assert warnings(logged()) == []
 
 
-def test_a_printed_parameter_file_of_a_node_without_parameters_can_be_read(tmp_path: Path) -> None:
-    file = tmp_path / "none.yaml"
-    file.write_text(parameter_file("rover", []))
-    with made_with(TerrainCollider, {}, ["--params-file", str(file)]) as node:
-        assert node.values == {spec.name: spec.default for spec in SPECS}
-
-
-def test_the_executable_explains_itself() -> None:
-    result = subprocess.run([executable("terrain_collider"), "--help"], capture_output=True, text=True, check=True)
-    assert result.stdout.startswith("usage:") and result.stderr == ""
-    assert all(spec.name in result.stdout for spec in SPECS)
-
-
-def test_help_prints_no_marks_of_code_and_no_empty_list() -> None:
-    about = "The node ``rover``."
+def test_help_has_all_parameters_no_marks_of_code_and_no_empty_list(capsys: pytest.CaptureFixture[str]) -> None:
+    """By an executable: test_start.py."""
     assert command.parser().description.startswith("smartmesh: ")
-    assert "The node rover." in help_text("rover", about, SPECS)
-    assert "parameters:" not in help_text("rover", about, [])
+    with pytest.raises(SystemExit) as end:
+        answer("rover", "The node ``rover``.", SPECS, ["--help"])
+    text = capsys.readouterr().out
+    assert end.value.code == 0 and text.startswith("usage:") and "The node rover." in text
+    assert all(spec.name in text for spec in SPECS)
+    assert "parameters:" not in help_text("rover", "", [])
 
 
 MAPS = f"qos_overrides.{COLLIDER}/heightmap.subscription"

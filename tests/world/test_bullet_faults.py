@@ -68,15 +68,20 @@ OPERATIONS: dict[str, tuple[Callable[[World], object], set[str], set[str]]] = {
 }
 
 
-def assert_whole(world: World) -> None:
-    """The client has the bodies of the world and one proxy for each solid follower, and nothing else."""
-    proxies = 0
+def alone(world: World) -> int:
+    """How many bodies the client has beside those of the world and one proxy for each solid follower; the followers are
+    those of the world's bodies."""
+    wanted = 0
     for name, body in world.bodies.items():
-        wanted = [f"{name}/{link}" for link in body.links.values()] if body.is_robot else [name]
-        assert sorted(world.followers[slot].name for slot in world.followers.of(body.uid)) == sorted(wanted)
-        proxies += len(wanted)
-    assert proxies == len(world.followers)
-    assert world.client.getNumBodies() == len(world.bodies) + sum(follower.solid for follower in world.followers)
+        links = [f"{name}/{link}" for link in body.links.values()] if body.is_robot else [name]
+        assert sorted(world.followers[slot].name for slot in world.followers.of(body.uid)) == sorted(links)
+        wanted += len(links)
+    assert wanted == len(world.followers) == len(list(world.followers))
+    return int(world.client.getNumBodies()) - len(world.bodies) - sum(follower.solid for follower in world.followers)
+
+
+def assert_whole(world: World) -> None:
+    assert alone(world) == 0
 
 
 def set_ground(world: World, height: float) -> None:
