@@ -20,7 +20,7 @@ from visualization_msgs.msg import Marker
 
 from smartmesh_ros.errors import InputError, require
 from smartmesh_ros.node.inputs.cdr_reader import map_from
-from smartmesh_ros.node.outputs.cdr import floats
+from smartmesh_ros.node.outputs.cdr import floats, xyz
 from smartmesh_ros.terrain.checked_heights import unmasked
 from smartmesh_ros.yaml_text import parsed_yaml
 
@@ -90,8 +90,7 @@ def mesh_message(
 
 def point_message(position: Sequence[float]) -> Point:
     """Return a Point [m]."""
-    x, y, z = position
-    return Point(x=float(x), y=float(y), z=float(z))
+    return xyz(Point, position)
 
 
 def pose_message(position: Sequence[float], yaw: float = 0.0) -> Pose:

@@ -21,6 +21,7 @@ from smartmesh_msgs.msg import ColliderPatchArray, TrackedBody, TrackedBodyArray
 
 from smartmesh_ros.errors import InputError, require, require_body_name
 from smartmesh_ros.ground.state import Vector
+from smartmesh_ros.node.outputs.cdr import xyz
 from smartmesh_ros.node.transport import colliders
 from smartmesh_ros.tools.client.patch import Patch, read_patches
 from smartmesh_ros.tools.messages import DEPTH
@@ -177,12 +178,6 @@ class PatchClient:
 
 def _body(link: TrackedLink) -> TrackedBody:
     require_body_name(link.name)
-    x, y, z, w = map(float, link.orientation)
-    pose = Pose(position=_of(Point, link.position), orientation=Quaternion(x=x, y=y, z=z, w=w))
-    twist = Twist(linear=_of(Vector3, link.linear), angular=_of(Vector3, link.angular))
+    pose = Pose(position=xyz(Point, link.position), orientation=xyz(Quaternion, link.orientation))
+    twist = Twist(linear=xyz(Vector3, link.linear), angular=xyz(Vector3, link.angular))
     return TrackedBody(id=link.name, pose=pose, twist=twist, radius=float(link.radius))
-
-
-def _of(kind: Any, values: Vector) -> Any:
-    x, y, z = map(float, values)
-    return kind(x=x, y=y, z=z)
