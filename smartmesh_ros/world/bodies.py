@@ -62,7 +62,7 @@ class Body:
     radius: float
     tracked: bool
     initial: BodyState
-    links: dict[int, str]
+    links: dict[int, str]  # that touch the ground, by PyBullet's index; of a body that is no robot "" alone
     joints: dict[str, int]
     mass: float = 0.0
     shape: Solid | None = None  # of a body that is no robot
@@ -95,7 +95,7 @@ class Body:
     @property
     def is_robot(self) -> bool:
         """True if the body is a URDF robot."""
-        return bool(self.links)
+        return self.urdf is not None
 
     def joint(self, name: str) -> int:
         """Return PyBullet's index of a joint; raises `InputError` if there is none."""
@@ -103,6 +103,14 @@ class Body:
             there = ", ".join((*self.joints, *self.surfaces)) or "none"
             raise InputError("unknown_joint", f"{self.name!r} has no joint {name!r}; it has {there}")
         return self.joints[name]
+
+    def link(self, name: str) -> int:
+        """Return PyBullet's index of a link that touches the ground; raises `InputError` if there is none."""
+        for index, found in self.links.items():
+            if found == name:
+                return index
+        there = ", ".join(map(repr, self.links.values()))
+        raise InputError("unknown_body", f"{self.name!r} has no link {name!r} with a collision shape; it has {there}")
 
 
 class BodyFactory:
@@ -131,7 +139,7 @@ class BodyFactory:
             useMaximalCoordinates=1,
         )  # fmt: skip
         material = material or BodyMaterial(config.friction, config.restitution)
-        body = Body(name, uid, shape.bounding_radius, False, state, {}, {}, mass, shape, None, *material)
+        body = Body(name, uid, shape.bounding_radius, False, state, {-1: ""}, {}, mass, shape, None, *material)
         with undone(lambda: client.removeBody(uid)):
             client.changeDynamics(
                 uid, -1, lateralFriction=material.friction, restitution=material.restitution, linearDamping=0.0,
@@ -147,7 +155,7 @@ class BodyFactory:
         uid = self._client.createMultiBody(
             0.0, self._shape(shape), basePosition=state.position, baseOrientation=state.orientation
         )
-        body = Body(name, uid, shape.bounding_radius, True, state, {}, {}, shape=shape)
+        body = Body(name, uid, shape.bounding_radius, True, state, {-1: ""}, {}, shape=shape)
         with undone(lambda: self._client.removeBody(uid)):
             self._sharpen(uid, shape)
             self.place(body, state)
@@ -265,5 +273,5 @@ class BodyFactory:
 
 def bounds_of(client: Any, body: Body) -> tuple[FloatArray, FloatArray]:
     """Return the lowest and highest corner (3,) [m] of the axis-aligned bounds of a body, of a robot with its links."""
-    bounds = np.array([client.getAABB(body.uid, link) for link in (body.links or (-1,))])
+    bounds = np.array([client.getAABB(body.uid, link) for link in body.links])
     return bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)

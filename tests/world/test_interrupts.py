@@ -56,7 +56,7 @@ def interrupted(number: int, operation: Callable[[], object]) -> bool:
 def assert_consistent(world: World) -> None:
     """The world's bodies are those of the ground, which are in PyBullet."""
     for name, body in world.bodies.items():
-        links = [f"{name}/{link}" for link in body.links.values()] or [name]
+        links = [f"{name}/{link}" if link else name for link in body.links.values()]
         assert sorted(world.followers[slot].name for slot in world.followers.of(body.uid)) == sorted(links)
         world.state(name)
     uids = {body.uid for body in world.bodies.values()}
