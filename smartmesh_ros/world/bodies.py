@@ -21,6 +21,7 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.ground.transform import IDENTITY, Transform
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.joints import JointCommand, command_joint
+from smartmesh_ros.world.link_frames import LinkFrames
 from smartmesh_ros.world.robots.loading import (
     PYBULLETS_FASTEST,
     couple_joints,
@@ -77,6 +78,7 @@ class Body:
     fixed: bool = False  # a robot whose base has no mass, so that physics does not move it
     box: Box | None = None  # of a robot: the box around its links at joint positions zero, relative to its base
     shapes: dict[int, BodyShape] = field(default_factory=dict)  # of a robot's links
+    frames: LinkFrames | None = None  # of a robot's links
     surfaces: Mapping[str, SurfaceDrive] = field(default_factory=dict)  # of a robot, that are driven
     starts: Mapping[str, float] = field(default_factory=dict)  # positions of joints that do not start at zero [rad, m]
     damping: dict[int, float] = field(default_factory=dict)  # of the URDF, by PyBullet's joint [Nms/rad, Ns/m]
@@ -209,7 +211,8 @@ class BodyFactory:
         couple_joints(client, uid, joints, robot.mimics)
         body = Body(
             name, uid, next(iter(shapes.values())).radius, False, BodyState(), links, joints, urdf=robot.given,
-            shapes=shapes, surfaces=robot.surfaces, starts=robot.starts, damping=damping,
+            shapes=shapes, frames=LinkFrames(client, uid), surfaces=robot.surfaces, starts=robot.starts,
+            damping=damping,
         )  # fmt: skip
         client.changeDynamics(uid, -1, maxJointVelocity=fastest)
         note, warning = set_masses(client, uid, robot.text)
