@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections import deque
+from dataclasses import dataclass
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -15,8 +16,19 @@ from smartmesh_ros.io.rasters import Raster
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.terrain.heightmap import HeightMap
 
-# The usual longest lag, and the usual time over whose maps it is estimated [s].
-LONGEST_LAG, WINDOW = 2.0, 10.0
+
+@dataclass(frozen=True, kw_only=True)
+class ScoreConfig:
+    """Settings of a `Scorer`.
+
+    ``longest_lag`` [s]: of a map behind the ground; above the true lag, and below the period of ground that oscillates.
+    ``window`` [s]: time over whose maps the lag is estimated.
+    """
+
+    longest_lag: float = 2.0
+    window: float = 10.0
+
+
 # Number of lags that are tried, and most cells of a map that count for the lag.
 LAGS, CELLS = 101, 500
 # Largest part of the variance of errors at the worst lag that is left at the best one, so that the best one counts;
@@ -62,15 +74,11 @@ class _Sums(NamedTuple):
 
 
 class Scorer:
-    """Compares maps with the truth at their time, linear between true maps before and after.
+    """Compares maps with the truth at their time, linear between true maps before and after."""
 
-    ``longest_lag`` [s]: of a map behind the ground; above the true lag, and below the period of ground that oscillates.
-    ``window`` [s]: time over whose maps the lag is estimated.
-    """
-
-    def __init__(self, longest_lag: float = LONGEST_LAG, window: float = WINDOW) -> None:
-        self._longest_lag, self._window = longest_lag, window
-        self._lags = np.linspace(0.0, longest_lag, LAGS)
+    def __init__(self, config: ScoreConfig | None = None) -> None:
+        self.config = config or ScoreConfig()
+        self._lags = np.linspace(0.0, self.config.longest_lag, LAGS)
         self._truth: list[tuple[float, HeightMap]] = []
         self._waiting: deque[_Map] = deque()
         self._sums: deque[_Sums] = deque()
@@ -80,7 +88,7 @@ class Scorer:
         if self._truth and stamp < self._truth[-1][0]:
             for known in (self._truth, self._waiting, self._sums):
                 known.clear()
-        oldest = min([stamp - self._longest_lag - LATE, *(map_.stamp for map_ in self._waiting)])
+        oldest = min([stamp - self.config.longest_lag - LATE, *(map_.stamp for map_ in self._waiting)])
         first = bisect_right(self._truth, oldest, key=itemgetter(0)) - 1  # the last one before that
         self._truth = [(time, heights) for time, heights in self._truth[max(first, 0) :] if time < stamp]
         self._truth.append((stamp, HeightMap(raster.heights, geometry=raster.geometry)))
@@ -122,9 +130,9 @@ class Scorer:
 
     def _note_lags(self, stamp: float, places: FloatArray, heights: FloatArray) -> None:
         """Note the errors of some cells of a map at each lag, if the truth goes back so far."""
-        while self._sums and not stamp - self._window <= self._sums[0].stamp <= stamp:
+        while self._sums and not stamp - self.config.window <= self._sums[0].stamp <= stamp:
             self._sums.popleft()
-        if stamp - self._longest_lag < self._truth[0][0]:
+        if stamp - self.config.longest_lag < self._truth[0][0]:
             return
         some = slice(None, None, math.ceil(len(places) / CELLS))
         errors = heights[some] - self._truth_at(places[some], stamp - self._lags)

@@ -29,14 +29,15 @@ from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.refusals import LOG_PERIOD
 from smartmesh_ros.node.running import spin
 from smartmesh_ros.node.timing.stamps import stamp_seconds
-from smartmesh_ros.tools.score.scorer import LONGEST_LAG, WINDOW, Score, Scorer
+from smartmesh_ros.tools.score.scorer import Score, ScoreConfig, Scorer
 
 NAME, TRUTH, MAP = "terrain_score", "~/truth", "~/map"
+_CONFIG = ScoreConfig()
 SPECS = (
     fixed("layer", RasterConfig().layer, "Layer of the mapper's maps with the heights."),
     fixed("csv", "", "File that gets a line for each map; empty = none."),
-    fixed("window", WINDOW, "Time over whose maps the lag is estimated [s].", 0.1, 1000.0),
-    fixed("longest_lag", LONGEST_LAG, "Longest lag that is tried [s]: above the true lag, and below the "
+    fixed("window", _CONFIG.window, "Time over whose maps the lag is estimated [s].", 0.1, 1000.0),
+    fixed("longest_lag", _CONFIG.longest_lag, "Longest lag that is tried [s]: above the true lag, and below the "
           "period of ground that oscillates.", 0.01, 60.0),
 )  # fmt: skip
 # Time after which a source of maps is silent [s], and period of the diagnostics [s].
@@ -49,7 +50,7 @@ class TerrainScore(ParameterNode):
     def __init__(self, **node_options: Any) -> None:
         super().__init__(NAME, SPECS, **node_options)
         values, kind = self.values, class_of("grid_map_msgs/msg/GridMap", NAME)
-        self.scorer = Scorer(values["longest_lag"], values["window"])
+        self.scorer = Scorer(ScoreConfig(window=values["window"], longest_lag=values["longest_lag"]))
         self.score: Score | None = None
         self._refused, self._refusals, self._scored = "", Counter[str](), 0
         self._frame = ""  # of the truth

@@ -7,7 +7,7 @@ import pytest
 
 from smartmesh_ros import GridGeometry
 from smartmesh_ros.io.rasters import Raster
-from smartmesh_ros.tools.score.scorer import Scorer
+from smartmesh_ros.tools.score.scorer import ScoreConfig, Scorer
 
 TRUE = GridGeometry(rows=31, columns=41, resolution=0.1, origin=(-2.0, -1.5, 0.0))
 PERIOD = 4.0
@@ -58,7 +58,7 @@ def test_noise_is_left_at_the_lag_and_ground_at_rest_has_none() -> None:
     assert moving.lag == pytest.approx(0.3, abs=0.01)
     assert moving.spread == pytest.approx(0.05, rel=0.03)
     assert math.isnan(resting.lag)
-    assert math.isnan(run(Scorer(longest_lag=0.2), TRUE, 0.7, 0.0)[-1].lag), "longer than is tried"
+    assert math.isnan(run(Scorer(ScoreConfig(longest_lag=0.2)), TRUE, 0.7, 0.0)[-1].lag), "longer than is tried"
     assert resting.rmse == pytest.approx(0.05, rel=0.1)
 
 
