@@ -135,12 +135,6 @@ def recorded(topic: str, time: float, message: Any) -> Record:
     return Record(topic, type_of(type(message)), time, serialize_message(message))
 
 
-def require_type(name: str, message: Any, *kinds: type) -> None:
-    """Raise `InputError` if a message for ``name`` is of none of these kinds, the first of which the error names."""
-    if not isinstance(message, kinds):
-        raise InputError("type", f"{name} takes {type_of(kinds[0])}, and was given a {type(message).__name__}")
-
-
 def _latched(profiles: Any) -> bool:
     """Return True if one of a topic's publishers is latched, or if none is known."""
     return not profiles or any(profile.durability.name == "TRANSIENT_LOCAL" for profile in profiles)

@@ -19,7 +19,8 @@ from smartmesh_ros.node.inputs.checked_messages import message_from
 from smartmesh_ros.node.parameters.helping import flat
 from smartmesh_ros.node.parameters.specifications import NAMES, settings_from
 from smartmesh_ros.node.terrain_collider import Collider
-from smartmesh_ros.tools.replay.bag import EVENTS, Bag, Messages, Record, Source, require_type, type_of
+from smartmesh_ros.tools.replay.bag import EVENTS, Bag, Messages, Record, Source, type_of
+from smartmesh_ros.tools.replay.checks import require_named, require_taken, require_type
 from smartmesh_ros.tools.replay.clock import ReplayClock
 from smartmesh_ros.tools.replay.digest import Digest
 from smartmesh_ros.tools.replay.parameters import require_changeable, require_known
@@ -82,7 +83,7 @@ class Replay:
         self.collider = Collider(self.node, settings, self.clock)
         try:
             self._calls = self._call_events()
-            self.names.require("output", self._kept, {*self.outputs, *map(self.names.resolve, LATER)})
+            require_named(self.names.node, "output", self._kept, {*self.outputs, *map(self.names.resolve, LATER)})
             self._records = source.records(self._wanted())
             self._next = next(self._records, None)
             if self._next is None:
@@ -163,7 +164,7 @@ class Replay:
         """Give the collider a message, or its bytes, now. Raises `InputError` if it has no input of this name and
         type."""
         name = self.names.full(topic)
-        self.names.require("input", [name], {*dict(self._inputs), *TRANSFORMS})
+        require_named(self.names.node, "input", [name], {*dict(self._inputs), *TRANSFORMS})
         for subscription in self.node.subscriptions.get(name, []):
             require_type(name, message, subscription.kind, bytes)
         self.node.deliver(name, message if isinstance(message, bytes) else serialize_message(message))
@@ -173,7 +174,7 @@ class Replay:
         """Call a service now, and return its response. Raises `InputError` if the collider has none of this name and
         type."""
         name = self.names.full(service)
-        self.names.require("service", [name], self.node.services)
+        require_named(self.names.node, "service", [name], self.node.services)
         require_type(name, request, self.node.services[name].kind.Request)
         answers = self.node.services[name].call(request)
         self._settle()
@@ -274,7 +275,8 @@ class Replay:
         others = {*TRANSFORMS, PARAMETERS, CLOCK}
         found = {topic for topic in topics if topic in {*own, *others} or topic.endswith(STATES)}
         if isinstance(self._source, Messages) and found & own.keys():
-            self.node.require_taken({topic: about for topic, about in topics.items() if topic not in found})
+            left = {topic: about for topic, about in topics.items() if topic not in found}
+            require_taken(self.names.node, left, dict(self._inputs), self.node.services)
         return found if found & own.keys() else set()
 
     @property

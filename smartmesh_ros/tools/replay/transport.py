@@ -15,9 +15,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.validate_namespace import validate_namespace
 from rclpy.validate_node_name import validate_node_name
 
-from smartmesh_ros.errors import InputError, suggestion
+from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.outputs.cdr import bytes_of
-from smartmesh_ros.tools.replay.bag import EVENTS, Topic, type_of
+from smartmesh_ros.tools.replay.bag import Topic
 from smartmesh_ros.tools.replay.clock import ReplayClock
 
 # Most messages of a latched topic that wait for a subscription.
@@ -49,13 +49,6 @@ class Names:
     def full(self, topic: str) -> str:
         """Return the full name of a topic or service, which is below the node's name unless it begins with ``/``."""
         return self.resolve(topic if topic.startswith(("/", "~")) else f"~/{topic}")
-
-    def require(self, what: str, names: Collection[str], known: Collection[str]) -> None:
-        """Raise `InputError` if one of the full ``names`` is no ``what`` of the node, whose ones are the ``known``."""
-        if unknown := sorted(set(names) - set(known)):
-            word, *words = (name.removeprefix(f"{self.node}/") for name in (unknown[0], *sorted(known)))
-            hint = suggestion(word, words) or f"; it has {', '.join(words)}"
-            raise InputError("name", f"{self.node} has no {what} {word}{hint}")
 
     def all_of(self, topics: str | Collection[str]) -> list[str]:
         """Return the full names of topics, or of a single one."""
@@ -172,15 +165,6 @@ class InProcess:
         self._log, self._recorded, self._record = log, recorded, record
         self._latched: dict[str, deque[bytes]] = defaultdict(lambda: deque(maxlen=MOST_LATCHED))
         self._waiting: Waiting = deque()
-
-    def require_taken(self, left: Mapping[str, Topic]) -> None:
-        """Raise `InputError` if topics of a list of messages are ``left``, which no input and no service takes."""
-        names = {topic.removesuffix(EVENTS): topic for topic in sorted(left)}
-        inputs = (name for name, found in self.subscriptions.items() if found)
-        self.names.require("input or service", names, {*inputs, *self.services})
-        for name, topic in names.items():
-            right = type_of(self.services[name].kind.Request)
-            raise InputError("type", f"{name} is a service: it takes {right}, and was given a {left[topic].type_name}")
 
     def deliver(self, topic: str, data: bytes) -> None:
         """Pass a message on, or keep it for a later subscription unless it was recorded from a topic that is not
