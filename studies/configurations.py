@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from smartmesh_ros import PhysicsConfig
-from smartmesh_ros.tools.replay.parameters import PRESETS, preset_values, settings_of
+from smartmesh_ros.node.parameters.specifications import settings_from
+from smartmesh_ros.tools.replay.parameters import PRESETS, preset_values
 from studies.engines.engine import GroundSetup, build, missing
 from studies.report.config import ReportConfig
 
@@ -62,7 +63,7 @@ REPORT = (
 
 def _presets(engine: str) -> list[Configuration]:
     """Return the parameter files that come with the package."""
-    found = {name: settings_of(preset_values(name)).world.physics for name in PRESETS}
+    found = {name: settings_from(preset_values(name)).world.physics for name in PRESETS}
     return [
         Configuration(
             name=f"preset {name}", family="ours", engine=engine, options={"physics": physics}, rate=physics.rate

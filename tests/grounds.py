@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from smartmesh_ros import BodyState, Deck, HeightMap, PhysicsConfig, Terrain, World, WorldConfig
 from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros.ground.shown_patches import PatchTable
 from smartmesh_ros.terrain.terrain import MainMesh
 
 Form = Callable[[np.ndarray, np.ndarray], ArrayLike]  # heights [m] by x and y [m]
@@ -78,3 +79,10 @@ def said_by(world: World) -> list[str]:
     said: list[str] = []
     world.say = said.append
     return said
+
+
+def patch_of(table: PatchTable, index: int) -> tuple[np.ndarray, np.ndarray]:
+    """The points (k, 3) [m] and triangles (t, 3) of one patch of a table."""
+    columns = ((table.points_w, table.counts), (table.triangles, table.triangle_counts))
+    points, triangles = (np.split(values, np.cumsum(counts)[:-1])[index] for values, counts in columns)
+    return points, triangles

@@ -52,16 +52,6 @@ class PatchTable:
     def __len__(self) -> int:
         return len(self.slots)
 
-    def points_of(self, index: int) -> FloatArray:
-        """Return the points (k, 3) [m] of a patch."""
-        end = int(self.counts[: index + 1].sum())
-        return self.points_w[end - int(self.counts[index]) : end]
-
-    def triangles_of(self, index: int) -> NDArray[np.int32]:
-        """Return the triangles (t, 3) of a patch."""
-        end = int(self.triangle_counts[: index + 1].sum())
-        return self.triangles[end - int(self.triangle_counts[index]) : end]
-
 
 class ShownPatches:
     """The patches of all followers but remote ones, whose owners show them."""

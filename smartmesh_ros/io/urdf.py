@@ -41,22 +41,8 @@ def checked_urdf(urdf: str, folders: Sequence[Path]) -> str:
         for collision in robot.collisions(link):
             for mesh in collision.iter("mesh"):
                 name = mesh.get("filename", "")
-                named = _named_mesh(name, robot.folder)
-                require_inside(named, folders, f"the URDF names the file {name!r}, which")
+                require_inside(named_file(name, robot.folder), folders, f"the URDF names the file {name!r}, which")
     return urdf
-
-
-def _named_mesh(name: str, folder: Path | None) -> Path:
-    """Do what `named_file` does; the error about a text says that it has no folder."""
-    try:
-        return named_file(name, folder)
-    except InputError as error:
-        if folder is not None or error.reason != "no_asset":
-            raise
-        words = (
-            "a text has no folder, so name meshes by their full paths or by package://, or send the path of the file"
-        )
-        raise InputError(error.reason, f"{error}; {words}") from None
 
 
 def require_inside(path: Path, folders: Sequence[Path], what: str, cure: str = "") -> Path:

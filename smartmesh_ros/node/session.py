@@ -179,7 +179,7 @@ class Session:
         """Return the response to a request; a refusal, and any other error, is counted and logged.
 
         ``handle`` fills in the response, or raises `InputError`. It may be a coroutine, which holds the ``lock`` where
-        it needs the world, and awaits `NextTurn` between parts of its work, so that steps are not late. ``conclude``
+        it needs the world, and awaits `next_turn` between parts of its work, so that steps are not late. ``conclude``
         writes the outcome into the response: the error, or None.
         """
         outcome: Exception | None = None

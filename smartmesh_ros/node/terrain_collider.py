@@ -36,7 +36,7 @@ from smartmesh_ros.node.services.ground_services import GroundServices
 from smartmesh_ros.node.services.initial_bodies import InitialBodies, RobotDescription
 from smartmesh_ros.node.services.simulation_services import serve_simulation_interfaces
 from smartmesh_ros.node.services.state_services import StateServices
-from smartmesh_ros.node.services.turns import NextTurn, parts_of
+from smartmesh_ros.node.services.turns import next_turn, parts_of
 from smartmesh_ros.node.session import SERVICES, Session
 from smartmesh_ros.node.timing.pacing import NodeClock
 from smartmesh_ros.node.transport import Clock, Transport
@@ -126,7 +126,7 @@ class Collider:
         session = self.session
         for part in parts_of(count, STEPS_A_TURN):
             if part.start:
-                await NextTurn()
+                await next_turn()
             with session.lock:
                 if not session.paused:
                     done = f"; {part.start} of {count} steps are done" if part.start else ""

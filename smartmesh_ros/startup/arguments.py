@@ -1,10 +1,11 @@
-"""Numbers and folders on command lines."""
+"""Numbers, folders and remapping rules on command lines."""
 
 from __future__ import annotations
 
+import os
 import re
 from argparse import ArgumentParser, ArgumentTypeError, RawDescriptionHelpFormatter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -48,3 +49,13 @@ def make_folder(path: Path) -> None:
         TemporaryFile(dir=path).close()
     except OSError as error:
         raise InputError("file", f"nothing can be written in {path}: {error}; name another folder by --out") from None
+
+
+def refuse_expanded(words: Iterable[str]) -> None:
+    """Raise `InputError` if a shell made a path of a private name: ``-r ~/heightmap:=/maps`` without quotes, which
+    would remap nothing."""
+    home = os.environ.get("HOME", "").rstrip("/")
+    for word in words if home else ():
+        if ":=" in word and word.startswith(f"{home}/"):
+            meant = f"~{word.removeprefix(home)}"
+            raise InputError("arguments", f"the shell made {word} of {meant}; put the remapping into quotes: '{meant}'")

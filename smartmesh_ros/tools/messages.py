@@ -1,4 +1,4 @@
-"""Conversions between messages and arrays or tuples."""
+"""Conversions between messages and arrays, tuples or texts."""
 
 from __future__ import annotations
 
@@ -11,16 +11,18 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion
 from numpy.typing import ArrayLike, NDArray
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from shape_msgs.msg import MeshTriangle
 from smartmesh_msgs.msg import Heightmap, MaterialLayer, TerrainMesh
 from visualization_msgs.msg import Marker
 
-from smartmesh_ros.errors import require
+from smartmesh_ros.errors import InputError, require
 from smartmesh_ros.node.inputs.cdr_reader import map_from
-from smartmesh_ros.node.outputs.cdr import floats
+from smartmesh_ros.node.outputs.cdr import floats, xyz
 from smartmesh_ros.terrain.checked_heights import unmasked
+from smartmesh_ros.yaml_text import parsed_yaml
 
 # Depth of the queue of a subscription that must miss no message: at 60 Hz 200 last for 3 s.
 DEPTH = 200
@@ -88,8 +90,7 @@ def mesh_message(
 
 def point_message(position: Sequence[float]) -> Point:
     """Return a Point [m]."""
-    x, y, z = position
-    return Point(x=float(x), y=float(y), z=float(z))
+    return xyz(Point, position)
 
 
 def pose_message(position: Sequence[float], yaw: float = 0.0) -> Pose:
@@ -115,3 +116,19 @@ def assert_on_map(points: NDArray[np.float64], message: Heightmap, tolerance: fl
     assert ((cells >= 0) & (cells <= grid.last)).all(), "a vertex is outside the map"
     expected = raster.heights[cells[:, 0], cells[:, 1]].astype(float) + grid.origin[2]
     np.testing.assert_allclose(points[:, 2], expected, 0.0, tolerance, err_msg="a vertex is not at its sample's height")
+
+
+def parameter_from(name: str, text: str) -> Parameter:
+    """Return a parameter with the value of a YAML text; whole numbers in a list become real ones. Raises
+    `InputError`."""
+    try:
+        value = parsed_yaml(text)
+        if isinstance(value, list):
+            value = [float(item) if type(item) is int else item for item in value]
+        elif type(value) is int and abs(value) >= 2**63:  # ROS has no larger whole numbers
+            value = float(value)
+        return Parameter(name, value=value)
+    except (TypeError, ValueError, OverflowError):  # `InputError` is a ValueError
+        raise InputError(
+            "parameter", f"{name} cannot be {text!r}; write a number, a text, true, false, or a list of one of these"
+        ) from None

@@ -21,7 +21,7 @@ from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.base_config import BaseConfig
 from smartmesh_ros.world.bodies import Body
-from smartmesh_ros.world.link_frames import LinkFrames, link_index
+from smartmesh_ros.world.link_frames import link_index
 from smartmesh_ros.world.standing import Underside
 
 # Least part of a wheel's axis along y, and of a steering axis along z, in the frame of the root link.
@@ -108,9 +108,9 @@ class BaseGeometry:
 
 def geometry_of(client: Any, body: Body, config: BaseConfig) -> BaseGeometry:
     """Return the geometry of a robot as a base. Raises `InputError` if the robot is none that the config describes."""
-    if not body.is_robot:
+    if body.frames is None:
         raise InputError("base", f"{body.name!r} is no robot, so that it has nothing to drive")
-    frames = LinkFrames(client, body.uid).states(BodyState(), {})
+    frames = body.frames.states(BodyState(), {})
     wheels = [_wheel(client, body, frames, name, config) for name in config.wheels]
     wheels += [_track(client, body, frames, name) for name in config.tracks]
     steering = [_steering(client, body, frames, name) for name in config.steering]

@@ -21,6 +21,7 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.ground.transform import IDENTITY, Transform
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.joints import JointCommand, command_joint
+from smartmesh_ros.world.link_frames import LinkFrames
 from smartmesh_ros.world.robots.loading import (
     PYBULLETS_FASTEST,
     couple_joints,
@@ -62,7 +63,7 @@ class Body:
     radius: float
     tracked: bool
     initial: BodyState
-    links: dict[int, str]
+    links: dict[int, str]  # that touch the ground, by PyBullet's index; of a body that is no robot "" alone
     joints: dict[str, int]
     mass: float = 0.0
     shape: Solid | None = None  # of a body that is no robot
@@ -77,6 +78,7 @@ class Body:
     fixed: bool = False  # a robot whose base has no mass, so that physics does not move it
     box: Box | None = None  # of a robot: the box around its links at joint positions zero, relative to its base
     shapes: dict[int, BodyShape] = field(default_factory=dict)  # of a robot's links
+    frames: LinkFrames | None = None  # of a robot's links
     surfaces: Mapping[str, SurfaceDrive] = field(default_factory=dict)  # of a robot, that are driven
     starts: Mapping[str, float] = field(default_factory=dict)  # positions of joints that do not start at zero [rad, m]
     damping: dict[int, float] = field(default_factory=dict)  # of the URDF, by PyBullet's joint [Nms/rad, Ns/m]
@@ -95,7 +97,7 @@ class Body:
     @property
     def is_robot(self) -> bool:
         """True if the body is a URDF robot."""
-        return bool(self.links)
+        return self.urdf is not None
 
     def joint(self, name: str) -> int:
         """Return PyBullet's index of a joint; raises `InputError` if there is none."""
@@ -103,6 +105,14 @@ class Body:
             there = ", ".join((*self.joints, *self.surfaces)) or "none"
             raise InputError("unknown_joint", f"{self.name!r} has no joint {name!r}; it has {there}")
         return self.joints[name]
+
+    def link(self, name: str) -> int:
+        """Return PyBullet's index of a link that touches the ground; raises `InputError` if there is none."""
+        for index, found in self.links.items():
+            if found == name:
+                return index
+        there = ", ".join(map(repr, self.links.values()))
+        raise InputError("unknown_body", f"{self.name!r} has no link {name!r} with a collision shape; it has {there}")
 
 
 class BodyFactory:
@@ -131,7 +141,7 @@ class BodyFactory:
             useMaximalCoordinates=1,
         )  # fmt: skip
         material = material or BodyMaterial(config.friction, config.restitution)
-        body = Body(name, uid, shape.bounding_radius, False, state, {}, {}, mass, shape, None, *material)
+        body = Body(name, uid, shape.bounding_radius, False, state, {-1: ""}, {}, mass, shape, None, *material)
         with undone(lambda: client.removeBody(uid)):
             client.changeDynamics(
                 uid, -1, lateralFriction=material.friction, restitution=material.restitution, linearDamping=0.0,
@@ -147,7 +157,7 @@ class BodyFactory:
         uid = self._client.createMultiBody(
             0.0, self._shape(shape), basePosition=state.position, baseOrientation=state.orientation
         )
-        body = Body(name, uid, shape.bounding_radius, True, state, {}, {}, shape=shape)
+        body = Body(name, uid, shape.bounding_radius, True, state, {-1: ""}, {}, shape=shape)
         with undone(lambda: self._client.removeBody(uid)):
             self._sharpen(uid, shape)
             self.place(body, state)
@@ -201,7 +211,8 @@ class BodyFactory:
         couple_joints(client, uid, joints, robot.mimics)
         body = Body(
             name, uid, next(iter(shapes.values())).radius, False, BodyState(), links, joints, urdf=robot.given,
-            shapes=shapes, surfaces=robot.surfaces, starts=robot.starts, damping=damping,
+            shapes=shapes, frames=LinkFrames(client, uid), surfaces=robot.surfaces, starts=robot.starts,
+            damping=damping,
         )  # fmt: skip
         client.changeDynamics(uid, -1, maxJointVelocity=fastest)
         note, warning = set_masses(client, uid, robot.text)
@@ -265,5 +276,5 @@ class BodyFactory:
 
 def bounds_of(client: Any, body: Body) -> tuple[FloatArray, FloatArray]:
     """Return the lowest and highest corner (3,) [m] of the axis-aligned bounds of a body, of a robot with its links."""
-    bounds = np.array([client.getAABB(body.uid, link) for link in (body.links or (-1,))])
+    bounds = np.array([client.getAABB(body.uid, link) for link in body.links])
     return bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)

@@ -46,7 +46,8 @@ def cast_rays(
     if not chosen:
         return found
     reach = np.minimum(distances, rays.reach)
-    near = np.flatnonzero(CORE.may_meet(rays.origins, rays.directions, reach, _bounds(client, chosen)))
+    bounds = np.array([client.getAABB(body.uid, link) for body in chosen for link in body.links], np.float64)
+    near = np.flatnonzero(CORE.may_meet(rays.origins, rays.directions, reach, bounds.reshape(-1, 6)))
     numbers = {body.uid: number for number, body in enumerate(chosen, 1)}
     for start in range(0, len(near), MOST_RAYS):
         _cast_on_bodies(client, numbers, rays, near[start : start + MOST_RAYS], found)
@@ -72,9 +73,3 @@ def _cast_on_bodies(client: Any, numbers: dict[int, int], rays: Rays, near: IntA
         near = near[skipped]
         if not near.size:
             return
-
-
-def _bounds(client: Any, bodies: list[Body]) -> FloatArray:
-    """Return the axis-aligned bounds (n, 6) [m] of bodies, and of robots' links."""
-    found = [client.getAABB(body.uid, link) for body in bodies for link in (body.links or (-1,))]
-    return np.array(found, np.float64).reshape(-1, 6)

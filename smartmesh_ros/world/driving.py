@@ -162,7 +162,7 @@ class Driving:
         body = self.body(name)
         if not body.simulated:
             raise InputError("tracked", f"{name!r} is not simulated here; only the surface of a simulated body moves")
-        index = link_of(body, link)
+        index = body.link(link)
         turn = self.client.getDynamicsInfo(body.uid, index)[4] if body.is_robot else (0.0, 0.0, 0.0, 1.0)
         belt = Belt(axis, speed)
         self.ground.drive(body.uid, index, rotate(conjugate(turn), belt.axis), belt.speed)
@@ -177,7 +177,7 @@ class Driving:
             require(good, "deck", "the carrier", carrier, "Carrier(body, ...) with names, or None for nobody")
             pose_of(carrier.position, carrier.orientation)
             if carrier.link and carrier.body in self.bodies:
-                link_of(self.bodies[carrier.body], carrier.link)
+                self.bodies[carrier.body].link(carrier.link)
         if deck in self.terrain.decks:
             self.ground.carry(deck, None)
         self.carried.pop(deck, None)
@@ -212,7 +212,7 @@ class Driving:
 
     def _bind(self, name: str, body: Body, carrier: Carrier) -> None:
         try:
-            link = link_of(body, carrier.link) if carrier.link else -1
+            link = body.link(carrier.link) if carrier.link else -1
         except InputError as error:
             self.say(f"nothing carries deck {name!r}: {error}")
             self._linkless[name] = body
@@ -232,20 +232,20 @@ class Driving:
         body = self.body(name)
         found = []
         for surface, drive in body.surfaces.items():
-            follower = self.ground.followers.at(body.uid, link_of(body, drive.link))
+            follower = self.ground.followers.at(body.uid, body.link(drive.link))
             speed = 0.0 if follower is None else follower.belt.speed
             found.append(SurfaceReading(surface, drive.link, speed, drive.limit))
         return found
 
     def _belts(self, body: Body) -> dict[str, Belt]:
         """Return the moving surfaces of a body by link."""
-        found = {link: self.ground.followers.at(body.uid, index) for index, link in links_of(body).items()}
+        found = {link: self.ground.followers.at(body.uid, index) for index, link in body.links.items()}
         return {link: follower.belt for link, follower in found.items() if follower and follower.belt.speed}
 
     def _move_belts(self, body: Body, belts: dict[str, Belt]) -> None:
         """Move surfaces as `_belts` returned them. Raises `InputError` if a link is not there."""
         for link, belt in belts.items():
-            self.ground.drive(body.uid, link_of(body, link), belt.axis, belt.speed)
+            self.ground.drive(body.uid, body.link(link), belt.axis, belt.speed)
 
     def body(self, name: str) -> Body:
         """Return a body; raises `InputError` if there is none of that name."""
@@ -256,17 +256,3 @@ class Driving:
         if isinstance(names, str) or not isinstance(names, Iterable):
             return [self.body(names)]
         return [self.body(name) for name in names]
-
-
-def links_of(body: Body) -> dict[int, str]:
-    """Return the names of the links that touch the ground by PyBullet's index; of a body that is no robot, "" alone."""
-    return body.links or {-1: ""}
-
-
-def link_of(body: Body, link: str) -> int:
-    """Return PyBullet's index of a link, as `links_of` names it; raises `InputError` if there is none."""
-    for index, found in links_of(body).items():
-        if found == link:
-            return index
-    there = ", ".join(map(repr, links_of(body).values()))
-    raise InputError("unknown_body", f"{body.name!r} has no link {link!r} with a collision shape; it has {there}")

@@ -20,7 +20,7 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain.surface_query import GroundSamples, checked_rays
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.body_rays import RayHits, cast_rays
-from smartmesh_ros.world.driving import Driving, links_of
+from smartmesh_ros.world.driving import Driving
 from smartmesh_ros.world.link_frames import frame_state
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.standing import NO_TERRAIN, put_on_ground
@@ -250,7 +250,7 @@ class Population(Driving):
 
     def _put_on_ground(self, body: Body) -> None:
         """Attach a body that PyBullet has to the ground."""
-        for index, link in links_of(body).items():
+        for index, link in body.links.items():
             shape = body.shapes.get(index, body.shape)
             follower = self.ground.attach(body.uid, index, solid=not body.tracked, shape=shape)
             follower.name = f"{body.name}/{link}" if link else body.name

@@ -16,7 +16,6 @@ from smartmesh_ros.ground.shapes import Hull
 from smartmesh_ros.terrain import state_file
 from smartmesh_ros.terrain.terrain import Terrain
 from smartmesh_ros.world.bodies import Body, BodyMaterial
-from smartmesh_ros.world.driving import links_of
 from smartmesh_ros.world.falling import Falls
 from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.population import Population
@@ -226,7 +225,7 @@ class SavedWorld(Population):
 
     def _own_slots(self) -> list[int]:
         """The slots of these bodies and their links, in order."""
-        links = ((body, link) for body in self._own_bodies() for link in links_of(body))
+        links = ((body, link) for body in self._own_bodies() for link in body.links)
         found = (self.followers.at(body.uid, link) for body, link in links)
         return [follower.slot for follower in found if follower is not None]
 

@@ -40,15 +40,15 @@ class TrackedRobot:
     refused.
 
     Each collision shape is a tracked body ``<name>.<link>``, of a link with several also ``<name>.<link>.1`` and so on,
-    with ``.`` for each ``/`` of a link, which no name of a body has. ``joints``: names of those that move. Meshes are
-    their convex hulls.
+    with ``.`` for each ``/`` of a link, which no name of a body has. ``joints``: those that move, PyBullet's
+    indices by name. Meshes are their convex hulls.
     """
 
     def __init__(self, name: str, urdf: str) -> None:
         with own_client() as client:
             body = BodyFactory(client, PhysicsConfig()).robot(name, prepare_robot(urdf), BodyState())
             self._frames = LinkFrames(client, body.uid)
-            self._columns = dict(body.joints)
+            self.joints = body.joints
             self._values = {joint: (body.starts.get(joint, 0.0), 0.0) for joint in body.joints}
             self._parts: list[_Part] = []
             for index, shape in body.shapes.items():
@@ -58,16 +58,6 @@ class TrackedRobot:
                     placed = centre.then(Transform(part.offset, part.orientation))
                     self._parts.append(_Part(full, _solid(part), index + 1, placed))
 
-    @property
-    def joints(self) -> list[str]:
-        """Names of the joints that move."""
-        return [*self._columns]
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the parts."""
-        return [part.name for part in self._parts]
-
     def move(self, joints: Mapping[str, tuple[float, float]]) -> None:
         """Set positions and velocities of some joints [rad, rad/s or m, m/s]. Raises `InputError` as `require`."""
         self.require(joints)
@@ -76,8 +66,8 @@ class TrackedRobot:
     def require(self, joints: Mapping[str, tuple[float, float]]) -> None:
         """Raise `InputError` if there is no such joint, or a number is not finite."""
         for joint, values in joints.items():
-            if joint not in self._columns:
-                there = ", ".join(self._columns) or "none"
+            if joint not in self.joints:
+                there = ", ".join(self.joints) or "none"
                 raise InputError("unknown_joint", f"the tracked robot has no joint {joint!r}; it has {there}")
             if not all(map(math.isfinite, values)):
                 raise InputError("non_finite", f"joint {joint!r} is at {values}; both must be finite")
@@ -85,7 +75,7 @@ class TrackedRobot:
     def parts(self, root: BodyState) -> Iterator[TrackedPart]:
         """Yield the parts for a ``state`` of the root link's frame, with their velocities: those of the root and of the
         joints."""
-        states = self._frames.states(root, {index: self._values[joint] for joint, index in self._columns.items()})
+        states = self._frames.states(root, {index: self._values[joint] for joint, index in self.joints.items()})
         for part in self._parts:
             yield TrackedPart(part.name, part.solid, fixed_to(states[part.link], part.place))
 

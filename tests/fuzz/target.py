@@ -19,6 +19,7 @@ from smartmesh_ros.node import terrain_collider
 from smartmesh_ros.node.inputs.adapters import ADAPTERS
 from smartmesh_ros.terrain.heightmap import HeightMap
 from tests.fuzz.oracle import maps_of, on_map, require_taken, updates_of
+from tests.grounds import patch_of
 from tests.node.shared import Fed, fed
 
 BASE = {
@@ -163,7 +164,7 @@ class Target:
                 # Time stood still, or went on by less than corrections take.
                 assert self.node.session.paused or self.node.settings.motion.settle >= world.config.physics.dt
             else:
-                self.compared.update(on_map(world.terrain.tiles[tile], table.points_of(index)))
+                self.compared.update(on_map(world.terrain.tiles[tile], patch_of(table, index)[0]))
         for name in world.bodies:
             state = world.state(name)
             numbers = (*state.position, *state.orientation, *state.linear, *state.angular)

@@ -34,7 +34,7 @@ def test_spoilt_messages(terrain_input: str, changes: str) -> None:
 @pytest.mark.parametrize("name", [*ADAPTERS, "occupancy_grid_update"])
 def test_any_raster_gives_a_surface_of_its_size_or_is_refused(name: str, scale: float) -> None:
     rng = np.random.default_rng(14)
-    convert: Callable[..., Any] = ADAPTERS[name].convert if name in ADAPTERS else occupancy_region
+    convert: Callable[..., Any] = ADAPTERS[name][1] if name in ADAPTERS else occupancy_region
     made = [make(name, rng) for _ in range(20)]
     good, converted = [bytes(serialize_message(message)) for message in made], 0
     for number in range(1000):

@@ -22,7 +22,7 @@ from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.bodies import rotation
 from tests.core import mesh_parts
 from tests.examples import examples
-from tests.grounds import level, shaped, terrain_of
+from tests.grounds import level, patch_of, shaped, terrain_of
 from tests.terrain.surfaces import facet_distances, triangles_of
 
 HOLD = MotionConfig(mode="hold")
@@ -106,12 +106,12 @@ def test_points_are_samples_and_say_how_many_were_left_out(radius: float) -> Non
     stride = int(table.stride[0])
     assert balls_on(terrain_of(deck=Deck(terrain)), [radius]).at(place).stride.tolist() == [stride]
     assert (stride == 1) == (radius < 1.0)
-    side = round(len(table.points_of(0)) ** 0.5)
+    side = round(len(patch_of(table, 0)[0]) ** 0.5)
     steps = stride * (np.arange(side) - side // 2)
     rows, columns = table.rows[0] + steps[:, None] + 0 * steps, table.columns[0] + 0 * steps[:, None] + steps
     expected = np.column_stack([terrain.geometry.to_world(rows.ravel(), columns.ravel()), np.zeros(side * side)])
     expected[:, 2] = terrain.heights[rows, columns].ravel() + 0.3
-    np.testing.assert_allclose(table.points_of(0), expected, atol=1e-5)
+    np.testing.assert_allclose(patch_of(table, 0)[0], expected, atol=1e-5)
 
 
 SHAPES = [BodyShape.ball(0.15), BodyShape.box((0.3, 0.2, 0.1)), BodyShape.ball(0.4), BodyShape.ball(0.05)]
@@ -200,7 +200,7 @@ def test_on_a_mesh_triangles_in_reach_are_shown() -> None:
     for corners, far in zip(vertices[triangles], away, strict=True):
         if abs(far - 0.35) > 1e-6:
             assert (corners.tobytes() in shown) == (far < 0.35)
-    np.testing.assert_array_equal(vertices[table.columns[0]], table.points_of(0)[_middle(table.points_of(0))])
+    np.testing.assert_array_equal(vertices[table.columns[0]], patch_of(table, 0)[0][_middle(patch_of(table, 0)[0])])
 
 
 @pytest.mark.parametrize("kind", ["map", "mesh"])
@@ -229,7 +229,7 @@ def test_patches_on_a_deck_are_those_on_the_same_ground_at_rest_seen_from_the_wo
     moving = riding.at(places @ rotated.T + at)
     assert not set(moving.revisions.tolist()) & set(table.revisions.tolist())
     for index in range(len(moving)):
-        points = moving.points_of(index)
+        points = patch_of(moving, index)[0]
         middle = points[_middle(points)]
         np.testing.assert_allclose(moving.motion[index], [*(velocity + np.cross(spin, middle - at)), *spin], atol=1e-9)
     deck.ride(3, -1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))

@@ -12,7 +12,7 @@ from smartmesh_ros.core import CORE
 from smartmesh_ros.core.body_shape import BodyShape
 from smartmesh_ros.terrain.grid import FloatArray
 from tests.ground.test_shown_patches import balls_on
-from tests.grounds import terrain_of, world_of
+from tests.grounds import patch_of, terrain_of, world_of
 
 
 def surface(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -43,7 +43,7 @@ def test_patches_that_cross_a_border_have_no_step_and_no_hole(name: str, radius:
     positions = np.column_stack([x, y, surface(x, y) + 0.9 * radius])
     table = balls_on(ADJACENT[name](), [radius] * 81).at(positions)
     for index, body in enumerate(table.slots.tolist()):
-        points = table.points_of(index)
+        points = patch_of(table, index)[0]
         assert not np.isnan(points).any()
         np.testing.assert_allclose(points[:, 2], surface(points[:, 0], points[:, 1]), atol=1e-4)
         # It reaches as far over the border as within the tile.

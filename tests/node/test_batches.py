@@ -10,7 +10,7 @@ from smartmesh_msgs.msg import BodySpecification
 from smartmesh_msgs.srv import RemoveBodies, RemoveBody, SpawnBodies, SpawnBody
 
 from smartmesh_ros import BodyState, Box, Sphere, World
-from smartmesh_ros.node.services.turns import NextTurn, Turns, Work
+from smartmesh_ros.node.services.turns import Turns, Work, next_turn
 from smartmesh_ros.tools.testing import Probe, heightmap_message, pose_message
 from tests.bodies import about_z
 from tests.node.shared import BALL, box, fed, on_level, show_map
@@ -145,7 +145,7 @@ def test_a_body_whose_edge_is_over_a_hole_is_put_onto_the_next_map_without_one()
 async def work(name: str, turns: int, log: list[str]) -> str:
     for _ in range(turns):
         log.append(name)
-        await NextTurn()
+        await next_turn()
     return name
 
 

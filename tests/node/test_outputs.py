@@ -29,6 +29,7 @@ from smartmesh_ros.world.contacts import GroundContact
 from smartmesh_ros.world.state_table import StateTable
 from tests.core import mesh_parts
 from tests.ground.test_shown_patches import Reaching, balls_on
+from tests.grounds import patch_of
 
 HEADER = Header(frame_id="some_map")
 PHYSICS = PhysicsConfig(rate=120.0)
@@ -91,7 +92,8 @@ def test_markers_equal_those_of_message_objects(make: Callable[[], Reaching], fr
         marker.frame_locked = True  # shown in any Fixed Frame: RViz takes the newest transform, not the stamp's
         marker.scale, marker.pose.position.z = Vector3(x=1.0, y=1.0, z=1.0), patch_outputs.LIFT
         marker.color.r, marker.color.g, marker.color.b, marker.color.a = patch_outputs.COLOUR
-        corners = table.points_of(index)[table.triangles_of(index)]
+        points, triangles = patch_of(table, index)
+        corners = points[triangles]
         known, shown = ({triangle.tobytes() for triangle in part} for part in (corners, corners_of(found)))
         assert shown <= known and shown
         marker.points = [Point(**xyz(corner)) for corner in corners_of(found).reshape(-1, 3).tolist()]
@@ -130,12 +132,12 @@ def test_collider_patches_equal_those_of_message_objects(bodies: list[str], hole
     expected = {}
     for index, slot in enumerate(table.slots.tolist()):
         motion = table.motion[index].tolist()
-        triangles = [MeshTriangle(vertex_indices=corners.astype(np.uint32)) for corners in table.triangles_of(index)]
+        triangles = [MeshTriangle(vertex_indices=corners.astype(np.uint32)) for corners in patch_of(table, index)[1]]
         expected[bodies[slot]] = ColliderPatch(
             body_id=bodies[slot], row=int(table.rows[index]), column=int(table.columns[index]),
             stride=int(table.stride[index]), deviation=0.0,
             surface_twist=Twist(linear=Vector3(**xyz(motion[:3])), angular=Vector3(**xyz(motion[3:]))),
-            mesh=Mesh(triangles=triangles, vertices=[Point(**xyz(p)) for p in table.points_of(index).tolist()]),
+            mesh=Mesh(triangles=triangles, vertices=[Point(**xyz(p)) for p in patch_of(table, index)[0].tolist()]),
         )  # fmt: skip
     order = [patch.body_id for patch in deserialize_message(mine, ColliderPatchArray).patches]
     assert sorted(order) == sorted(expected)

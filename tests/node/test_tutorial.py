@@ -28,6 +28,7 @@ from smartmesh_ros.tools.client import command
 from smartmesh_ros.tools.replay.replay import Replay
 from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
 from tests.grid_maps import grid_map_message
+from tests.grounds import patch_of
 from tests.launch_files import Recorded, stand_ins
 from tests.node.shared import ROOT, blocks, fed, running, stamped, transform_message, wait_until
 from tests.urdfs import HUSKY, joint, link, robot
@@ -226,7 +227,7 @@ def test_an_elevation_map_becomes_patches_under_the_robot(tmp_path: Path) -> Non
             node.give("/odom", odometry)
             patches = node.world.patches().table()
             assert [patches.slots[0]] == [*patches.slots]
-            points = patches.points_of(0)
+            points = patch_of(patches, 0)[0]
             assert np.abs(points[:, :2].mean(axis=0) - (x, 0.2)).max() < 0.2
             assert np.abs(points[:, 2] - ground(points[:, 0], points[:, 1])).max() < HALF_CELL
         assert node.node.refusals.counts == {"~/tracked_odometry: frame": 1}, "before there was a transform"

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from smartmesh_ros import BodyState, InputError, World
-from smartmesh_ros.world.robots.hull_vertices import MOST_OUTSIDE, fewer_vertices
 from smartmesh_ros.world.robots.prepared import prepare_robot
+from smartmesh_ros.world.robots.worker import MOST_OUTSIDE, fewer_vertices
 from tests.core import mesh_parts
 from tests.urdfs import joint, link, mesh, robot
 

@@ -112,8 +112,9 @@ ARM = urdfs.robot(
 def test_the_parts_of_a_robot_are_where_its_joints_say_with_their_velocities() -> None:
     """Velocities are the differences of the places a moment later, of a root that moves and joints that do."""
     robot, moment = TrackedRobot("rig", ARM), 1e-5
-    assert robot.joints == ["yaw", "reach"]
-    assert robot.names == ["rig.base", "rig.arm", "rig.left.hand"], "names that bodies can have"
+    assert [*robot.joints] == ["yaw", "reach"]
+    names = [part.name for part in robot.parts(BodyState())]
+    assert names == ["rig.base", "rig.arm", "rig.left.hand"], "names that bodies can have"
     turned = (0.1, -0.2, 0.3, math.sqrt(1.0 - 0.14))
     root = BodyState((1.0, 2.0, 3.0), turned, (0.4, -0.2, 0.1), (0.3, 0.5, -0.4))
     robot.move({"yaw": (0.7, 1.1), "reach": (0.2, -0.5)})

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from typing import Any
 
-from geometry_msgs.msg import Point, Pose, Twist
+from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
 from rclpy.node import Node
 from rclpy.task import Future
 from smartmesh_msgs.msg import BodySpecification
@@ -16,7 +16,7 @@ from smartmesh_ros.ground.transform import added
 from smartmesh_ros.node.fleet.ledger import FleetBody
 from smartmesh_ros.node.fleet.peers import topic_of
 from smartmesh_ros.node.inputs.conversions import primitive_of
-from smartmesh_ros.node.outputs.body_outputs import quaternion_message, vector_message
+from smartmesh_ros.node.outputs.cdr import xyz
 from smartmesh_ros.node.session import SERVICES
 from smartmesh_ros.node.transport import publishers_on
 
@@ -86,7 +86,6 @@ def specification_of(lost: FleetBody) -> BodySpecification:
     else:  # shapes are spawned at their geometric centre
         body.shape, body.mass = primitive_of(states.shape(row)), float(states.masses[row])
         position = added(position, rotate(orientation, states.centres[row].tolist()))
-    x, y, z = position
-    body.pose = Pose(position=Point(x=x, y=y, z=z), orientation=quaternion_message(orientation))
-    body.twist = Twist(linear=vector_message(numbers[7:10]), angular=vector_message(numbers[10:]))
+    body.pose = Pose(position=xyz(Point, position), orientation=xyz(Quaternion, orientation))
+    body.twist = Twist(linear=xyz(Vector3, numbers[7:10]), angular=xyz(Vector3, numbers[10:]))
     return body

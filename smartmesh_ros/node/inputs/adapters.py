@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,18 +158,11 @@ def cloud_raster(message: Any, config: RasterConfig) -> Raster:
     return from_points(points, config)
 
 
-class Adapter(NamedTuple):
-    """A message type by package and name, and its conversion."""
-
-    package: str
-    message: str
-    convert: Callable[[Any, RasterConfig], Raster]
-
-
-# Keys: values of the parameter ``terrain.input``, also the names of the topics in the node's namespace.
-ADAPTERS = {
-    "grid_map": Adapter("grid_map_msgs", "GridMap", grid_map_raster),
-    "image": Adapter("sensor_msgs", "Image", image_raster),
-    "occupancy_grid": Adapter("nav_msgs", "OccupancyGrid", occupancy_raster),
-    "point_cloud": Adapter("sensor_msgs", "PointCloud2", cloud_raster),
+# Types of messages, and their conversions, by the values of the parameter ``terrain.input``, which are also the names
+# of the topics in the node's namespace.
+ADAPTERS: dict[str, tuple[str, Callable[[Any, RasterConfig], Raster]]] = {
+    "grid_map": ("grid_map_msgs/msg/GridMap", grid_map_raster),
+    "image": ("sensor_msgs/msg/Image", image_raster),
+    "occupancy_grid": ("nav_msgs/msg/OccupancyGrid", occupancy_raster),
+    "point_cloud": ("sensor_msgs/msg/PointCloud2", cloud_raster),
 }

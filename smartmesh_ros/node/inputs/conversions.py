@@ -6,7 +6,7 @@ Invalid messages raise `InputError`.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from itertools import takewhile
 from typing import Any, NamedTuple
@@ -165,7 +165,9 @@ def joint_commands_from(message: Any, world: World, prefixes: Mapping[str, str])
     return commands
 
 
-def tracked_joints_from(message: Any, robots: Mapping[str, Sequence[str]]) -> dict[str, dict[str, tuple[float, float]]]:
+def tracked_joints_from(
+    message: Any, robots: Mapping[str, Collection[str]]
+) -> dict[str, dict[str, tuple[float, float]]]:
     """Return the positions and velocities by robot and joint of a JointState for tracked robots, by their joints. A
     joint is named ``<robot>/<joint>``, or ``<joint>``, of all robots that have one. Others are left out, as a message
     may be of a whole machine. Raises `InputError` if lengths differ."""

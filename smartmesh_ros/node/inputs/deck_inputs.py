@@ -68,7 +68,7 @@ class DeckInputs:
         """Let the body of a deck's entry carry the deck. Raises `InputError` if it lacks the link."""
         entry = self._entries[name]
         if entry.source == "body":
-            self._session.world.carry(name, Carrier(entry.name, entry.link, entry.at, entry.orientation))
+            self._session.world.carry(name, Carrier(entry.name, entry.link, *entry.pose))
 
     def target(self, start: Stamped) -> Target:
         """Return where a terrain message belongs: to the deck that its tile names, alone or before a slash, or whose
@@ -102,7 +102,7 @@ class DeckInputs:
     def _move(self, name: str, state: BodyState, stamp: float | None, *, stated: bool) -> None:
         """Move a deck with the frame that is in a ``state`` at a ``stamp`` [s]. Raises `InputError`."""
         entry, deck = self._entries[name], self.decks[name]
-        own = fixed_to(state, Transform(entry.at, entry.orientation))
+        own = fixed_to(state, entry.pose)
         velocity, spin = (own.linear, own.angular) if stated else (None, None)
         with self._clocks.placing(_source(name), stamp) as placed:
             if placed.fresh:  # times before it were those of another clock

@@ -63,9 +63,9 @@ class TerrainInputs:
         session.listen(TerrainMesh, "terrain_mesh", self._on_mesh, maps, raw=True)
         session.listen(TerrainMeshUpdate, "terrain_mesh_update", self._on_mesh_update, updates, raw=True)
         if settings.input != "heightmap":
-            adapter = ADAPTERS[settings.input]
-            kind = class_of(f"{adapter.package}/msg/{adapter.message}", f"terrain.input {settings.input!r}")
-            session.listen(kind, settings.input, partial(self._on_raster, adapter.convert), maps)
+            name, convert = ADAPTERS[settings.input]
+            kind = class_of(name, f"terrain.input {settings.input!r}")
+            session.listen(kind, settings.input, partial(self._on_raster, convert), maps)
         if settings.input == "occupancy_grid" and (kind := find_class("map_msgs/msg/OccupancyGridUpdate")):
             session.listen(kind, "occupancy_grid_update", self._on_occupancy_update, updates)
         elif settings.input == "occupancy_grid":

@@ -4,7 +4,6 @@ and descriptions."""
 from __future__ import annotations
 
 import array
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -28,7 +27,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.quaternions import conjugate, rotate
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.node.outputs.cdr import ArrayMessage, fields_of, stamp_fields
+from smartmesh_ros.node.outputs.cdr import ArrayMessage, fields_of, stamp_fields, xyz
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.contacts import GroundContact
 from smartmesh_ros.world.robots.description import urdf_text
@@ -94,30 +93,17 @@ def contact_wrenches(header: Header, world: World) -> ContactWrenchArray:
     """Return the wrench of the ground on every simulated body and link."""
     wrenches = []
     for found in world.wrenches():
-        x, y, z = found.centre.tolist()
-        wrench = Wrench(force=vector_message(found.force.tolist()), torque=vector_message(found.torque.tolist()))
-        wrenches.append(ContactWrench(body_id=found.body, centre=Point(x=x, y=y, z=z), wrench=wrench))
+        wrench = Wrench(force=xyz(Vector3, found.force), torque=xyz(Vector3, found.torque))
+        wrenches.append(ContactWrench(body_id=found.body, centre=xyz(Point, found.centre), wrench=wrench))
     return ContactWrenchArray(header=header, wrenches=wrenches)
 
 
 def pose_message(state: BodyState) -> Pose:
-    x, y, z = state.position
-    return Pose(position=Point(x=x, y=y, z=z), orientation=quaternion_message(state.orientation))
+    return Pose(position=xyz(Point, state.position), orientation=xyz(Quaternion, state.orientation))
 
 
 def twist_message(state: BodyState) -> Twist:
-    return Twist(linear=vector_message(state.linear), angular=vector_message(state.angular))
-
-
-def vector_message(values: Sequence[float]) -> Vector3:
-    x, y, z = values
-    return Vector3(x=x, y=y, z=z)
-
-
-def quaternion_message(values: Sequence[float]) -> Quaternion:
-    """Return four numbers (x, y, z, w) as a quaternion."""
-    x, y, z, w = values
-    return Quaternion(x=x, y=y, z=z, w=w)
+    return Twist(linear=xyz(Vector3, state.linear), angular=xyz(Vector3, state.angular))
 
 
 def description(body: Body) -> BodyDescription:

@@ -11,7 +11,7 @@ of a number from the end of the 4-byte header is a multiple of the number's size
 from __future__ import annotations
 
 import array
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from functools import partial
 from itertools import groupby
 from typing import Any
@@ -197,6 +197,11 @@ class ArrayMessage:
 def fields_of(path: str, axes: str = "xyz") -> tuple[str, ...]:
     """Return the paths of the numbers of a vector or, with the axes "xyzw", of a quaternion."""
     return tuple(f"{path}.{axis}" for axis in axes)
+
+
+def xyz(kind: Any, values: Iterable[Any]) -> Any:
+    """Return a Point, a Vector3 or a Quaternion, by its ``kind``, of as many numbers as it has."""
+    return kind(**dict(zip("xyzw", map(float, values), strict=False)))
 
 
 def stamp_fields(header: Header) -> dict[str, Any]:

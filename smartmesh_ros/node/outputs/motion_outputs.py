@@ -5,6 +5,7 @@ from __future__ import annotations
 import array
 from typing import Any
 
+from geometry_msgs.msg import Quaternion, Vector3
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu as ImuMessage
 from std_msgs.msg import Header
@@ -13,7 +14,8 @@ from smartmesh_ros.ground.body_shapes import link_name
 from smartmesh_ros.ground.quaternions import quaternion_of
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.inputs.transform_input import TransformInput
-from smartmesh_ros.node.outputs.body_outputs import pose_message, quaternion_message, vector_message
+from smartmesh_ros.node.outputs.body_outputs import pose_message
+from smartmesh_ros.node.outputs.cdr import xyz
 from smartmesh_ros.node.outputs.rates import Beat
 from smartmesh_ros.node.outputs.transform_outputs import Broadcast, OwnFrame
 from smartmesh_ros.node.parameters.entries import OutputEntry
@@ -47,9 +49,9 @@ class ImuOutput:
             age = session.world.time - reading.time
             stamp = stamp_of((stamp_seconds(session.stamp_now()) or 0.0) - age)
             message = ImuMessage(header=Header(stamp=stamp, frame_id=frame_of(session, entry.body, entry.link)))
-            message.orientation = quaternion_message(reading.orientation)
-            message.angular_velocity = vector_message(reading.angular_velocity.tolist())
-            message.linear_acceleration = vector_message(reading.acceleration.tolist())
+            message.orientation = xyz(Quaternion, reading.orientation)
+            message.angular_velocity = xyz(Vector3, reading.angular_velocity)
+            message.linear_acceleration = xyz(Vector3, reading.acceleration)
             message.angular_velocity_covariance = _diagonal(config.gyroscope_noise_density**2 / reading.duration)
             message.linear_acceleration_covariance = _diagonal(config.accelerometer_noise_density**2 / reading.duration)
             self.publisher.publish(message)

@@ -17,8 +17,6 @@ from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.cdr import ArrayMessage, fields_of, stamp_fields
 from smartmesh_ros.node.outputs.rates import Rhythm
 from smartmesh_ros.node.session import Session
-from smartmesh_ros.world.bodies import Body
-from smartmesh_ros.world.link_frames import LinkFrames
 
 TOPIC, PARAMETER = "/tf", "publish.tf"
 # Time after subscribing in which frames of other nodes may not have arrived [s]; nothing is published before.
@@ -82,7 +80,6 @@ class TransformOutputs:
     def __init__(self, session: Session, transforms: TransformInput) -> None:
         self._session, self._transforms = session, transforms
         self._broadcast: Broadcast | None = None
-        self._robots: dict[str, tuple[Body, LinkFrames]] = {}
         self._left_out: set[str] = set()
         self._rhythm, self._listened = Rhythm(), 0.0
         self._odom_frames = {entry.body: entry.odom_frame for entry in session.settings.bases if entry.publish_tf}
@@ -134,17 +131,14 @@ class TransformOutputs:
         frame in place of its root link's."""
         world = self._session.world
         prefixes = self._session.robot_names.prefixes()
-        self._robots = {name: known for name, known in self._robots.items() if world.bodies.get(name) is known[0]}
         for name, body in world.bodies.items():
             if not body.simulated:
                 continue
             pose = Transform.of(world.base_state(name))
-            if not body.is_robot:
+            if body.frames is None:
                 yield OwnFrame(terrain, name, pose)
                 continue
-            if name not in self._robots:
-                self._robots[name] = body, LinkFrames(world.client, body.uid)
-            links = self._robots[name][1].read()
+            links = body.frames.read()
             names = [(prefixes[name] + link.name).strip("/") for link in links]
             if (odom := self._odom_frames.get(name)) is None:
                 yield OwnFrame(terrain, names[0], pose)

@@ -74,8 +74,9 @@ def given_parameters(node: Node) -> Mapping[str, Parameter]:
 
 
 def checked(values: Mapping[str, Any], specs: Sequence[Spec]) -> dict[str, Any]:
-    """Return the values as `checked_value` does; raises `InputError` for the first invalid one."""
-    return {spec.name: checked_value(spec, values[spec.name]) for spec in specs}
+    """Return the values as `checked_value` does, by default the usual ones; raises `InputError` for the first invalid
+    one."""
+    return {spec.name: checked_value(spec, values.get(spec.name, spec.default)) for spec in specs}
 
 
 def checked_value(spec: Spec, value: Any) -> Any:

@@ -16,7 +16,7 @@ from rclpy.validate_topic_name import validate_topic_name
 from smartmesh_ros.errors import InputError, require_body_name, suggestion
 from smartmesh_ros.ground.quaternions import X, Y, Z, about, product
 from smartmesh_ros.ground.shapes import SHAPES_BY_NAME, Shape, Solid, shape_from
-from smartmesh_ros.ground.state import Quaternion, Vector
+from smartmesh_ros.ground.transform import Transform
 from smartmesh_ros.node.parameters.declaring import Spec, checked_value
 from smartmesh_ros.terrain.height_scan import HeightScan
 from smartmesh_ros.world.base_config import BaseConfig
@@ -161,8 +161,8 @@ _KEYS = (*_SOURCES, "link", "thickness", "at", "rpy")
 class DeckEntry:
     """A deck, and what moves it: a TF frame, an odometry topic or a body, by its ``name``.
 
-    ``link``: of a robot, "" = its base. ``thickness`` [m]: as of `Deck`. ``at`` [m], ``orientation`` (x, y, z, w): pose
-    of the deck's frame in that of what moves it.
+    ``link``: of a robot, "" = its base. ``thickness`` [m]: as of `Deck`. ``pose``: of the deck's frame in that of what
+    moves it.
     """
 
     deck: str
@@ -170,8 +170,7 @@ class DeckEntry:
     name: str
     link: str
     thickness: float
-    at: Vector
-    orientation: Quaternion
+    pose: Transform
 
     @property
     def frame(self) -> str:
@@ -208,7 +207,7 @@ def _deck_entry(found: dict[str, Any], _: int) -> DeckEntry:
     orientation = product(product(about(Z, yaw), about(Y, pitch)), about(X, roll))
     x, y, z = finite(found.get("at", [0.0, 0.0, 0.0]), 3, "at must be three finite numbers")
     source, link = sources[0], names.get("link", "")
-    return DeckEntry(names["deck"], source, names[source], link, float(thickness), (x, y, z), orientation)
+    return DeckEntry(names["deck"], source, names[source], link, float(thickness), Transform((x, y, z), orientation))
 
 
 def finite(values: Any, count: int, words: str) -> list[float]:

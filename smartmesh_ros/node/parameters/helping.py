@@ -15,8 +15,7 @@ from rclpy.utilities import remove_ros_args
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.parameters.declaring import Spec, refused_arguments
-from smartmesh_ros.startup.arguments import plain
-from smartmesh_ros.startup.remappings import refuse_expanded
+from smartmesh_ros.startup.arguments import plain, refuse_expanded
 from smartmesh_ros.yaml_text import parsed_yaml
 
 

@@ -164,7 +164,8 @@ NAMES = FIELDS.keys()
 
 
 def settings_from(values: Mapping[str, Any]) -> Settings:
-    """Return the settings for the values of all parameters; raises `InputError` for the first invalid value."""
+    """Return the settings for values of parameters, others at their defaults; raises `InputError` for the first invalid
+    value."""
     v = declaring.checked(values, SPECS)
     if v["publish.tf"]:
         class_of("tf2_msgs/msg/TFMessage", "publish.tf")

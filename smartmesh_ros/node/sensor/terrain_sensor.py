@@ -23,7 +23,7 @@ from std_msgs.msg import Header
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.quaternions import Y, about, product, rotated
 from smartmesh_ros.node.inputs.optional_messages import find_class
-from smartmesh_ros.node.outputs.cdr import doubles
+from smartmesh_ros.node.outputs.cdr import doubles, xyz
 from smartmesh_ros.node.parameters.declaring import ParameterNode, fixed
 from smartmesh_ros.node.parameters.helping import answer
 from smartmesh_ros.node.refusals import GRACE, LOG_PERIOD
@@ -187,11 +187,8 @@ class TerrainSensor(ParameterNode):
         if self._frames is not None or kind is None:
             return
         self._frames = self.create_publisher(kind, "/tf_static", LATCHED)
-        turn = product(self._pitch, OPTICAL)
-        x, y, z = self._position
-        pose = Transform(
-            translation=Vector3(x=x, y=y, z=z), rotation=Quaternion(**dict(zip("xyzw", turn, strict=True)))
-        )
+        turn = xyz(Quaternion, product(self._pitch, OPTICAL))
+        pose = Transform(translation=xyz(Vector3, self._position), rotation=turn)
         self._frames.publish(
             kind(transforms=[TransformStamped(header=header, child_frame_id=self._optical, transform=pose)])
         )

@@ -15,6 +15,7 @@ from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.ground.transform import Transform, fixed_to
 from smartmesh_ros.node.inputs import conversions
 from smartmesh_ros.node.outputs.body_outputs import pose_message, twist_message
+from smartmesh_ros.node.outputs.cdr import xyz
 from smartmesh_ros.node.parameters.settings import LONGEST_NAME
 from smartmesh_ros.node.services.entities import own_bounds, select
 from smartmesh_ros.node.services.files import allowed_folders, files_in, robot_name
@@ -142,7 +143,7 @@ class EntityServices:
 
     def _get_bounds(self, request: Any, response: Any) -> None:
         body = self._session.world.body(request.entity)
-        low, high = (Vector3(x=x, y=y, z=z) for x, y, z in (corner.tolist() for corner in own_bounds(body)))
+        low, high = (xyz(Vector3, corner) for corner in own_bounds(body))
         response.bounds.type, response.bounds.points = response.bounds.TYPE_BOX, [high, low]
 
     def _get_info(self, request: Any, response: Any) -> None:

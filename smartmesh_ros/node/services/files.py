@@ -12,7 +12,7 @@ import pybullet_data
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.io.urdf import checked_urdf, require_inside
 from smartmesh_ros.node.parameters.settings import Settings
-from smartmesh_ros.node.services.turns import NextTurn
+from smartmesh_ros.node.services.turns import next_turn
 from smartmesh_ros.world.paths import ament_prefixes, expanded
 from smartmesh_ros.world.robots.description import xml_of
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
@@ -66,7 +66,7 @@ class FileWork:
         """Return the result of long work on files. Raises `InputError`, also in place of errors of the file system."""
         future = self._threads.submit(work)
         while not future.done():
-            await NextTurn(waits=True)
+            await next_turn(waits=True)
         try:
             return future.result()
         except OSError as error:

@@ -15,7 +15,7 @@ from smartmesh_ros.ground.quaternions import X, Y, Z, rotate
 from smartmesh_ros.ground.transform import IDENTITY, Transform
 from smartmesh_ros.node.inputs.transform_input import TransformInput
 from smartmesh_ros.node.outputs.cdr import doubles
-from smartmesh_ros.node.services.turns import NextTurn, parts_of
+from smartmesh_ros.node.services.turns import next_turn, parts_of
 from smartmesh_ros.node.session import Session
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.node.timing.stamps import stamp_seconds
@@ -118,7 +118,7 @@ class GroundServices:
         session.serve(CastRays, "cast_rays", self._on_cast)
 
     async def _on_query(self, request: Any, response: Any) -> None:
-        await NextTurn()
+        await next_turn()
         _require_count(len(request.x), "points")
         x, y, below = (np.frombuffer(values, np.float64) for values in (request.x, request.y, request.below))
         if len(x) != len(y) or len(below) not in (0, len(x)):
@@ -133,14 +133,14 @@ class GroundServices:
         for part in parts_of(len(points_w), POINTS_IN_TURN):
             with self._session.lock:
                 parts.append(ground_samples(self._session.world.terrain, points_w[part], asked.time))
-            await NextTurn()
+            await next_turn()
         z, normals, velocities, ages, _ = map(np.concatenate, zip(*parts, strict=True))
         response.z = doubles(z - asked.transform.translation[2])
         response.normals, response.velocities = (doubles(asked.vectors(values)) for values in (normals, velocities))
         response.ages, response.header = doubles(ages), asked.header
 
     async def _on_cast(self, request: Any, response: Any) -> None:
-        await NextTurn()
+        await next_turn()
         _require_count(len(request.origins) // 3, "rays")
         origins, directions = (np.frombuffer(values, np.float64) for values in (request.origins, request.directions))
         if len(origins) % 3 or len(origins) != len(directions):
@@ -159,7 +159,7 @@ class GroundServices:
                 found = cast_rays(world.client, world.bodies, world.ground.rays, rays.part(part), asked.time, through)
             met = np.array([*found.names, ""], object)[found.hits]  # -1 is the last
             parts.append((found.distances, found.normals, met))
-            await NextTurn()
+            await next_turn()
         distances, normals, names = map(np.concatenate, zip(*parts, strict=True))
         response.distances, response.normals = doubles(distances), doubles(asked.vectors(normals))
         response.hits, response.header = names.tolist(), asked.header

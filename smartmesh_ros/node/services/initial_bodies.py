@@ -18,7 +18,7 @@ from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.node.services.body_entries import Entry, entries_from, start_from
 from smartmesh_ros.node.services.files import robot_name
-from smartmesh_ros.node.services.turns import NextTurn
+from smartmesh_ros.node.services.turns import next_turn
 from smartmesh_ros.node.session import REFUSED, Session
 from smartmesh_ros.node.transport import LATCHED
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
@@ -105,7 +105,7 @@ class InitialBodies:
         """Spawn the body of an entry; one on the ground, which takes longer, in the next turn, unless there is another
         scene by then. What PyBullet failed at, or is partly over no ground, is tried again with the next map."""
         if entry.on_ground:
-            await NextTurn()
+            await next_turn()
         with self._session.lock:
             if self.entries.get(entry.name) is not entry:
                 return

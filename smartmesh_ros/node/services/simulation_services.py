@@ -18,7 +18,7 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.inputs.optional_messages import find_interfaces
 from smartmesh_ros.node.services.entity_services import EntityServices
 from smartmesh_ros.node.services.standard import Standard
-from smartmesh_ros.node.services.turns import NextTurn, Work
+from smartmesh_ros.node.services.turns import Work, next_turn
 from smartmesh_ros.node.services.world_services import WorldServices
 from smartmesh_ros.node.session import REFUSED, Session
 
@@ -171,7 +171,7 @@ class SimulationServices:
                 done += 1
                 counts = {"completed_steps": done, "remaining_steps": count - done}
                 goal.publish_feedback(self._actions.SimulateSteps.Feedback(**counts))
-                await NextTurn()
+                await next_turn()
             return ("succeed", "") if done == count else ("canceled", f"cancelled after {done} of {count} steps")
         except REFUSED as error:
             session.refusals.add(STEPS, error)

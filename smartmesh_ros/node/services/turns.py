@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Coroutine, Generator, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from types import coroutine
 from typing import Any, NamedTuple
 
 from rclpy.service import Service
@@ -13,15 +13,11 @@ from rclpy.service import Service
 from smartmesh_ros.errors import InputError
 
 
-@dataclass(frozen=True)
-class NextTurn:
-    """``await NextTurn()`` ends a turn: the node may step before the work continues. ``waits``: the work waits for
+@coroutine
+def next_turn(waits: bool = False) -> Generator[bool, None, None]:
+    """End a turn when it is awaited: the node may step before the work continues. ``waits``: the work waits for
     another thread, and the node need not hurry with the next turn."""
-
-    waits: bool = False
-
-    def __await__(self) -> Generator[bool, None, None]:
-        yield self.waits
+    yield waits
 
 
 def parts_of(count: int, size: int) -> Iterator[slice]:

@@ -14,7 +14,7 @@ from smartmesh_ros.node.services import world_files
 from smartmesh_ros.node.services.body_entries import Entry
 from smartmesh_ros.node.services.files import robot_of
 from smartmesh_ros.node.services.standard import Standard
-from smartmesh_ros.node.services.turns import NextTurn
+from smartmesh_ros.node.services.turns import next_turn
 from smartmesh_ros.node.services.world_files import WorldFile
 from smartmesh_ros.world.paths import expanded
 
@@ -84,7 +84,7 @@ class WorldServices:
             self._node.set_scene(raster, entries)
             standard.world, standard.unloaded = world, False
         while any(self._node.initial.waiting.values()):
-            await NextTurn(waits=True)
+            await next_turn(waits=True)
         why = self._node.initial.refused
         absent = (name for name in entries if name not in session.world.bodies)
         return world, [*notes, *(f"{name!r} is not there: {why.get(name, 'it waits for ground')}" for name in absent)]

@@ -34,10 +34,9 @@ from smartmesh_ros.node.parameters.helping import own_arguments
 from smartmesh_ros.node.transport import colliders
 from smartmesh_ros.startup.arguments import Parser, number
 from smartmesh_ros.startup.executables import INTERRUPTED, STARTED_BY_NAME
-from smartmesh_ros.tools.client.parameters import parameter_from
 from smartmesh_ros.tools.client.remote import Remote, following
 from smartmesh_ros.tools.client.sight import KINDS
-from smartmesh_ros.tools.messages import BEST, pose_message
+from smartmesh_ros.tools.messages import BEST, parameter_from, pose_message
 from smartmesh_ros.world.robots.description import named_file, urdf_text, xml_of
 
 SHAPES = {

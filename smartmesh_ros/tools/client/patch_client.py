@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from threading import Lock
 from time import monotonic
-from typing import Any
 
 import rclpy
 from geometry_msgs.msg import Point, Pose, Quaternion, Twist, Vector3
@@ -15,12 +14,13 @@ from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.time import Time
 from rclpy.utilities import try_shutdown
 from smartmesh_msgs.msg import ColliderPatchArray, TrackedBody, TrackedBodyArray
 
 from smartmesh_ros.errors import InputError, require, require_body_name
 from smartmesh_ros.ground.state import Vector
+from smartmesh_ros.node.outputs.cdr import xyz
+from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.node.transport import colliders
 from smartmesh_ros.tools.client.patch import Patch, read_patches
 from smartmesh_ros.tools.messages import DEPTH
@@ -143,10 +143,9 @@ class PatchClient:
     def track(self, links: Iterable[TrackedLink], stamp: float | None = None) -> None:
         """Publish the states of links at ``stamp`` [s] (None = the clock's time). Each link gets a patch, and loses it
         if it is left out for longer than the node's ``bodies.timeout``. Raises `InputError` for an impossible name."""
-        clock = self.node.get_clock()
-        time: Any = clock.now() if stamp is None else Time(nanoseconds=round(stamp * 1e9), clock_type=clock.clock_type)
         message = TrackedBodyArray(bodies=[_body(link) for link in links])
-        message.header.frame_id, message.header.stamp = self.frame_id, time.to_msg()
+        message.header.frame_id = self.frame_id
+        message.header.stamp = self.node.get_clock().now().to_msg() if stamp is None else stamp_of(stamp)
         self._publisher.publish(message)
 
     def _extrapolated(self, now: float | None, only: str | None = None) -> dict[str, Patch]:
@@ -177,12 +176,6 @@ class PatchClient:
 
 def _body(link: TrackedLink) -> TrackedBody:
     require_body_name(link.name)
-    x, y, z, w = map(float, link.orientation)
-    pose = Pose(position=_of(Point, link.position), orientation=Quaternion(x=x, y=y, z=z, w=w))
-    twist = Twist(linear=_of(Vector3, link.linear), angular=_of(Vector3, link.angular))
+    pose = Pose(position=xyz(Point, link.position), orientation=xyz(Quaternion, link.orientation))
+    twist = Twist(linear=xyz(Vector3, link.linear), angular=xyz(Vector3, link.angular))
     return TrackedBody(id=link.name, pose=pose, twist=twist, radius=float(link.radius))
-
-
-def _of(kind: Any, values: Vector) -> Any:
-    x, y, z = map(float, values)
-    return kind(x=x, y=y, z=z)

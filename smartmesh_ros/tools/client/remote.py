@@ -31,10 +31,9 @@ from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.running import Stop, init
 from smartmesh_ros.node.transport import STATES, colliders, publishers_on
 from smartmesh_ros.startup.dds import use_large_message_profile
-from smartmesh_ros.tools.client.drawn_scene import drawn_scene
 from smartmesh_ros.tools.client.ground import MAPS, Ground
 from smartmesh_ros.tools.client.patch import PatchesMessage, read_patches
-from smartmesh_ros.tools.client.sight import KINDS, Sight
+from smartmesh_ros.tools.client.sight import KINDS, Sight, drawn_scene
 from smartmesh_ros.tools.messages import BEST, DEPTH
 
 # Types of the shown outputs. Outputs without subscribers are not built by the node.

@@ -1,4 +1,6 @@
-"""The shown state of bodies, patches and contacts, as plain values, and its topics."""
+"""The shown state of bodies, patches and contacts, as plain values, and its topics; and what a client reads from
+``~/scene``: the ground, if it has no map of it, and tracked bodies, whose poses may be on topics and in frames that it
+does not know."""
 
 from __future__ import annotations
 
@@ -12,10 +14,12 @@ from geometry_msgs.msg import PoseArray
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 from smartmesh_msgs.msg import BodyDescription, BodyDescriptionArray, ContactArray, TrackedBody, TrackedBodyArray
+from visualization_msgs.msg import Marker
 
 from smartmesh_ros.ground.limits import require_possible
 from smartmesh_ros.ground.quaternions import rotated
 from smartmesh_ros.ground.state import Vector
+from smartmesh_ros.node.inputs.cdr_reader import CdrReader
 from smartmesh_ros.node.inputs.checked_messages import message_from
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.tools.client.patch import Patch
@@ -181,3 +185,41 @@ def _xyz(message: Any) -> Vector:
 def _pose(message: Any) -> Pose:
     turn = message.orientation
     return Pose(_xyz(message.position), (turn.w, turn.x, turn.y, turn.z))
+
+
+def drawn_scene(scene: bytes) -> tuple[FloatArray | None, list[Pose]]:
+    """Return the corners (n, 3) [m] of the triangles of ground in a MarkerArray, none if the ground is gone, None = it
+    has not changed; and the markers of tracked bodies, which alone are translucent. Raises `InputError` if the bytes
+    are malformed.
+
+    Reads the bytes, because rclpy takes 50 ms to make an object of each corner."""
+    reader, ground, tracked = CdrReader(scene), None, list[Pose]()
+    for _ in range(reader.count(1)):
+        _skip_header(reader)
+        namespace = reader.text()
+        _, kind, action = reader.numbers("i", 3)
+        x, y, z, qx, qy, qz, qw, *_ = reader.numbers("d", 10)
+        *_, alpha = reader.numbers("f", 4)
+        reader.skip(4, 2)  # lifetime
+        reader.skip(1)  # frame_locked
+        points = reader.sequence("f8", 3)
+        reader.sequence("f4", 4)  # colours
+        reader.text()  # texture_resource
+        _skip_header(reader)  # of the texture
+        reader.text(), reader.sequence("u1")  # its format and data
+        reader.sequence("f4", 2)  # uv_coordinates
+        reader.text(), reader.text(), reader.text()  # text, mesh_resource, name of the mesh file
+        reader.sequence("u1"), reader.skip(1)  # its data, mesh_use_embedded_materials
+        if action == Marker.DELETEALL and namespace.endswith("ground"):
+            ground = np.empty((0, 3))
+        if action != Marker.ADD:
+            continue
+        if kind == Marker.TRIANGLE_LIST:
+            ground = np.asarray(points, np.float64)
+        elif alpha < 1.0:
+            tracked.append(Pose((x, y, z), (qw, qx, qy, qz)))
+    return ground, tracked
+
+
+def _skip_header(reader: CdrReader) -> None:
+    reader.numbers("I", 2), reader.text()

@@ -18,9 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 from smartmesh_ros.errors import InputError, naming
 from smartmesh_ros.node.running import Stop
-from smartmesh_ros.startup.arguments import Parser
+from smartmesh_ros.startup.arguments import Parser, refuse_expanded
 from smartmesh_ros.startup.executables import INTERRUPTED
-from smartmesh_ros.startup.remappings import refuse_expanded
 from smartmesh_ros.tools.replay.bag import Bag
 from smartmesh_ros.tools.replay.parameters import read_parameters
 from smartmesh_ros.tools.replay.replay import Replay

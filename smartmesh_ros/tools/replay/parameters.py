@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +12,11 @@ from ament_index_python.packages import get_package_share_directory
 from smartmesh_ros.errors import InputError, suggestion
 from smartmesh_ros.node.parameters.declaring import QOS
 from smartmesh_ros.node.parameters.helping import PARAMETERS, mismatch, parameters_by_node, pattern
-from smartmesh_ros.node.parameters.settings import Settings
-from smartmesh_ros.node.parameters.specifications import NAMES, SPECS, settings_from
+from smartmesh_ros.node.parameters.specifications import NAMES, SPECS
 from smartmesh_ros.yaml_text import parsed_yaml
 
 PRESETS = ("accurate", "fast", "fleet", "quadruped", "rover")
 NODE = "/terrain_collider"
-DEFAULTS: Mapping[str, Any] = {spec.name: spec.default for spec in SPECS}
 
 
 def read_parameters(files: Sequence[Path], single: Sequence[str], node: str) -> dict[str, Any]:
@@ -60,11 +58,6 @@ def read_file(path: Path, node: str) -> dict[str, Any]:
         none = f"{path} has no {PARAMETERS}; it must read '/**: {{{PARAMETERS}: {{name: value}}}}'"
         raise InputError("file", mismatch(path, node) or none)
     return found
-
-
-def settings_of(values: Mapping[str, Any]) -> Settings:
-    """Return settings with these parameters, and all others at their defaults; raise `InputError` if one is invalid."""
-    return settings_from({**DEFAULTS, **values})
 
 
 def preset_values(name: str) -> dict[str, Any]:

@@ -17,13 +17,13 @@ from service_msgs.msg import ServiceEventInfo
 from smartmesh_ros.errors import InputError, as_float, require
 from smartmesh_ros.node.inputs.checked_messages import message_from
 from smartmesh_ros.node.parameters.helping import flat
-from smartmesh_ros.node.parameters.specifications import NAMES
+from smartmesh_ros.node.parameters.specifications import NAMES, settings_from
 from smartmesh_ros.node.terrain_collider import Collider
 from smartmesh_ros.tools.replay.bag import EVENTS, Bag, Messages, Record, Source, type_of
 from smartmesh_ros.tools.replay.checks import STATES, left_out, require_named, require_taken, require_type
 from smartmesh_ros.tools.replay.clock import ReplayClock
 from smartmesh_ros.tools.replay.digest import Digest
-from smartmesh_ros.tools.replay.parameters import require_changeable, require_known, settings_of
+from smartmesh_ros.tools.replay.parameters import require_changeable, require_known
 from smartmesh_ros.tools.replay.transport import InProcess, Log, Names, Publisher
 from smartmesh_ros.world.world import World
 
@@ -75,7 +75,7 @@ class Replay:
             source = Messages(source, self.names.node)
         self._source, self._values = source, dict(flat(dict(parameters or {})))
         require_known(self._values)
-        settings = settings_of(self._values)
+        settings = settings_from(self._values)
         self.clock = ReplayClock(0.0, simulated=bool(self._values.get("use_sim_time")) and CLOCK in source.topics)
         self.node = InProcess(self.names, Log(self.clock, say or self.log.append), source.topics, self._sink)
         self.collider = Collider(self.node, settings, self.clock)
@@ -193,7 +193,7 @@ class Replay:
 
     def _set(self, values: Mapping[str, Any]) -> None:
         changed = {**self._values, **values}
-        settings = settings_of(changed)
+        settings = settings_from(changed)
         self._values = changed
         self.collider.configure(settings, set(values))
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.state import Vector
-from smartmesh_ros.tools.replay.parameters import DEFAULTS, settings_of
+from smartmesh_ros.node.parameters.specifications import SPECS, settings_from
 from smartmesh_ros.tools.tune.case import Case
 from smartmesh_ros.tools.tune.figures import Figures
 from smartmesh_ros.tools.tune.measuring import measure
@@ -25,7 +25,7 @@ GRID: Mapping[str, tuple[float, ...]] = {
     "physics.rate": (60.0, 90.0, 120.0, 180.0, 240.0, 360.0, 480.0, 960.0),
     "physics.solver_residual": (1e-9, 1e-7, 1e-6, 1e-5, 1e-4),
 }
-KNOWN: Mapping[str, float] = {name: DEFAULTS[name] for name in GRID}
+KNOWN: Mapping[str, float] = {spec.name: spec.default for spec in SPECS if spec.name in GRID}
 # The run that bodies are compared with: an eighth of the default's step.
 SMALL_STEPS = {**KNOWN, "physics.rate": 8.0 * KNOWN["physics.rate"]}
 
@@ -41,7 +41,7 @@ def settings_to_try(given: Mapping[str, Any]) -> list[dict[str, float]]:
 def own_settings(given: Mapping[str, Any]) -> dict[str, float]:
     """Return the user's settings, from all parameters that were given. Raises `InputError` if the node would refuse
     them."""
-    physics = settings_of(given).world.physics
+    physics = settings_from(given).world.physics
     return {name: getattr(physics, name.removeprefix("physics.")) for name in KNOWN}
 
 

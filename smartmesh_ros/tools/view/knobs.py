@@ -14,8 +14,8 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.parameter import Parameter, parameter_value_to_python
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.tools.client.parameters import parameter_from
 from smartmesh_ros.tools.client.remote import Remote
+from smartmesh_ros.tools.messages import parameter_from
 
 # Time after which questions without an answer are asked again [s]: the node may have been killed.
 PATIENCE = 3.0

@@ -227,4 +227,6 @@ def named_file(name: str, folder: Path | None) -> Path:
         raise InputError("urdf", f"{name[:200]!r} is not a path: {error}") from None
     if scheme and scheme[1] == "package" and package_folder(package) is None:
         raise InputError("urdf_package", f"package {package!r} is not installed, or not sourced")
-    raise InputError("no_asset", f"the URDF names a file {name[:200]!r} that does not exist")
+    words = "; a text has no folder, so name meshes by their full paths or by package://, or give the path of the file"
+    missing = f"the URDF names a file {name[:200]!r} that does not exist"
+    raise InputError("no_asset", missing + (words if folder is None else ""))

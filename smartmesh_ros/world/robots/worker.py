@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from contextlib import suppress
 from dataclasses import replace
@@ -11,13 +12,13 @@ from pathlib import Path
 import numpy as np
 import pybullet as pb
 
+from smartmesh_ros.core import CORE
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.ground.bullet import own_client
 from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.bodies import BodyFactory
-from smartmesh_ros.world.robots.hull_vertices import fewer_vertices
 from smartmesh_ros.world.robots.meshes import mesh_parts
 from smartmesh_ros.world.robots.prepared import Mesh, PreparedRobot
 from smartmesh_ros.world.robots.workshop import IDLE
@@ -25,6 +26,10 @@ from smartmesh_ros.world.robots.workshop import IDLE
 # Most vertices of all hulls of a robot, beyond which each hull keeps those that hold the others but for a millimetre.
 # PyBullet loads some 700 vertices in a millisecond.
 MOST_VERTICES = 8000
+# Distance from the hull of the vertices that are kept, up to which others are left out [m].
+MOST_OUTSIDE = 1e-3
+# Directions that are tried at once.
+TRIED = 64
 # Steps of the trial. A robot that crashes PyBullet does so in its first.
 STEPS = 2
 
@@ -80,3 +85,33 @@ def _obj(parts: list[FloatArray]) -> bytes:
         lines += [f"f {k} {min(k + 1, last)} {min(k + 2, last)}" for k in range(first, last + 1, 3)]
         first = last + 1
     return "\n".join([*lines, ""]).encode()
+
+
+def fewer_vertices(vertices: FloatArray, count: int) -> FloatArray:
+    """Return vertices (k, 3) [m] of a hull (n, 3): those farthest along ``count`` directions, and enough others that
+    none is farther than a millimetre outside their hull."""
+    if len(vertices) <= count:
+        return vertices
+    kept, others = _extreme(vertices, _directions(count)), vertices
+    while True:
+        others = others[CORE.distances_outside(kept, np.ascontiguousarray(others)) > MOST_OUTSIDE]
+        if not len(others):
+            return kept
+        kept = np.concatenate([kept, _extreme(others, _directions(TRIED))])
+
+
+def _directions(count: int) -> FloatArray:
+    """Return unit directions (count, 3), evenly spread (a Fibonacci lattice)."""
+    k = np.arange(count) + 0.5
+    z, angle = 1.0 - 2.0 * k / count, math.pi * (1.0 + math.sqrt(5.0)) * k
+    aside = np.sqrt(1.0 - z * z)
+    return np.column_stack([aside * np.cos(angle), aside * np.sin(angle), z])
+
+
+def _extreme(vertices: FloatArray, along: FloatArray) -> FloatArray:
+    """Return the vertices that are farthest along one of some directions (d, 3), after scaling all to equal extents
+    along each axis, so that thin parts keep as many as others."""
+    extents = np.ptp(vertices, axis=0)
+    evened = vertices / np.where(extents > 0.0, extents, 1.0)
+    farthest = [(evened @ part.T).argmax(axis=0) for part in np.array_split(along, -(-len(along) // TRIED))]
+    return np.ascontiguousarray(vertices[np.unique(np.concatenate(farthest))])

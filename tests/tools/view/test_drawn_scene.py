@@ -10,10 +10,9 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.serialization import serialize_message
 from visualization_msgs.msg import Marker
 
-from smartmesh_ros.tools.client.drawn_scene import drawn_scene
 from smartmesh_ros.tools.client.ground import Ground
 from smartmesh_ros.tools.client.remote import Remote
-from smartmesh_ros.tools.client.sight import Sight
+from smartmesh_ros.tools.client.sight import Sight, drawn_scene
 from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, points_of, pose_message
 from tests.node.shared import on_level
 
