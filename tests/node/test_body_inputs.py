@@ -266,8 +266,8 @@ def test_a_tracked_robot_follows_its_root_and_its_joints(tmp_path: Path) -> None
         message.pose.pose = pose_message((1.0, 0.0, 0.5))
         message.twist.twist = Twist(linear=Vector3(x=0.3))
         node.give("/rig", message, 0)
-        assert node.world.bodies.keys() == {"rig.base", "rig.arm", "rig.hand"}
-        hand = node.world.state("rig.hand")
+        assert node.world.bodies.keys() == {"rig.base", "rig.arm", "rig.left.hand"}
+        hand = node.world.state("rig.left.hand")
         out = np.array([math.cos(0.5), math.sin(0.5), 0.0])
         np.testing.assert_allclose(hand.position, (1.0, 0.0, 0.9) + 1.25 * out, atol=1e-4)
         np.testing.assert_allclose(hand.linear, (0.3, 0.0, 0.0) + 2.5 * np.array([-out[1], out[0], 0.0]), atol=1e-4)
