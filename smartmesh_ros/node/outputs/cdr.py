@@ -200,8 +200,9 @@ def fields_of(path: str, axes: str = "xyz") -> tuple[str, ...]:
 
 
 def xyz(kind: Any, values: Iterable[Any]) -> Any:
-    """Return a Point, a Vector3 or a Quaternion, by its ``kind``, of as many numbers as it has."""
-    return kind(**dict(zip("xyzw", map(float, values), strict=False)))
+    """Return a Point or a Vector3 of three numbers, or a Quaternion of four, by its ``kind``."""
+    x, y, z, *w = map(float, values)
+    return kind(x=x, y=y, z=z, w=w[0]) if w else kind(x=x, y=y, z=z)
 
 
 def stamp_fields(header: Header) -> dict[str, Any]:
