@@ -72,7 +72,7 @@ void tell_slide(const Vec3& slide, const Slip& slip, const Vec3& normal, const T
   btVector3 &first = point.m_lateralFrictionDir1, &second = point.m_lateralFrictionDir2;
   btPlaneSpace1(point.m_normalWorldOnB, first, second);
   const btVector3 aim = to_bullet(slide);
-  const Vec3 along = slip.along - normal * dot(slip.along, normal);
+  const Vec3 along = perpendicular(slip.along, normal);
   if (btRigidBody::upcast(&touching.body) == nullptr || btRigidBody::upcast(&touching.ground) == nullptr) {
     if (btRigidBody::upcast(&touching.body) == nullptr) tell_axis(to_bullet(along), point);
     // As if the body held on to a point of the ground that is where its own is, and which friction pulls it to in the

@@ -12,9 +12,6 @@ namespace smartmesh {
 
 namespace {
 
-// Distance from the edge of the soil within which a contact is with other ground [m].
-constexpr double AT_EDGE = 1e-6;
-
 // Returns the pose of a shape that is turned in Bullet's frame of it.
 Pose pose_of(const Convex& shape, const btTransform& at) {
   Pose pose = from_bullet(at);

@@ -3,7 +3,6 @@
 
 #include <BulletCollision/CollisionDispatch/btCollisionObject.h>
 
-#include "bullet/convert.h"
 #include "ground/frame_motion.h"
 
 namespace smartmesh {

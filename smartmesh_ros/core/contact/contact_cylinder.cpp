@@ -57,7 +57,7 @@ class CylinderTouch {
     side_[0] = pose.rotation * Vec3{0.0, 1.0, 0.0};
     side_[1] = cross(axis_, side_[0]);
     middle_ = approach.velocity_at(pose.at);
-    tips_ = approach.angular - axis_ * dot(approach.angular, axis_), tilting_ = tips_ * approach.duration;
+    tips_ = perpendicular(approach.angular, axis_), tilting_ = tips_ * approach.duration;
   }
 
   void run() {
@@ -97,7 +97,7 @@ class CylinderTouch {
 
   // `seen`: the normal in the frame of the cylinder. `name`: of the first rim.
   void touch_facet(const Facet& facet, const Vec3& normal, const Vec3& seen, int name) {
-    const Vec3 across = seen - axis_ * dot(seen, axis_);
+    const Vec3 across = perpendicular(seen, axis_);
     const double tilt = norm(across);
     if (tilt < 1e-6) return;  // the points around the rim will do
     for (int k = 0; k < 2; ++k)
@@ -207,7 +207,7 @@ class CylinderTouch {
     Vec3 wide = cross(outward, along);
     const double narrow = std::abs(dot(axis_, along)), r = radius_;  // half axes of the ellipse: r, r * narrow
     if (norm(wide) < CONE_TOLERANCE) {                               // the edge lies along the side
-      const Vec3 across = to_edge - axis_ * dot(to_edge, axis_);
+      const Vec3 across = perpendicular(to_edge, axis_);
       if (norm(across) > 1e-9) add_rim(k, edge, unit(across), -unit(across));
       return;
     }

@@ -63,8 +63,7 @@ void slide_to_mid_step(const Convex& shape, const Contact& contact, const Approa
   const double half = 0.5 * approach.duration;
   const Vec3& n = contact.normal;
   const auto slid = [&](const Vec3& p) {  // way of a point of the shape along the ground until then
-    const Vec3 v = approach.velocity_at(p) + approach.ground - contact.ground.velocity;
-    return (v - n * dot(n, v)) * half;
+    return perpendicular(approach.velocity_at(p) + approach.ground - contact.ground.velocity, n) * half;
   };
   const auto rotated = [&](const Vec3& way) { return way + cross(approach.angular, way) * half; };
   Vec3 at = contact.point, normal = rotated(n);
@@ -154,7 +153,7 @@ void resist_rolling(const std::vector<Contact>& contacts, const Approach& approa
     const double most = contact.material.rolling * radius;
     if (!(most > 0.0)) continue;
     const Vec3 rolls = cross(approach.angular - contact.ground.angular, contact.normal * radius) + pull,
-               along = rolls - contact.normal * dot(rolls, contact.normal);
+               along = perpendicular(rolls, contact.normal);
     const double speed = norm(along), falls = -dot(approach.gravity, contact.normal) * approach.duration;
     if (!(speed > 0.0)) continue;
     // What carries the weight of the body there stops it in the step.
@@ -170,15 +169,15 @@ void find_slips(const std::vector<Contact>& contacts, const std::vector<OldConta
                 const Vec3& pull, const Vec3& last_pull, double mass, std::vector<ContactRow>& rows) {
   for (std::size_t k = 0; k < contacts.size(); ++k) {
     const Contact& contact = contacts[k];
-    const auto along_ground = [&](const Vec3& v) { return v - contact.normal * dot(v, contact.normal); };
     const OldContact* old = matching(contact, before, approach.duration);
     const double friction = rows[k].friction.sliding, share = static_cast<double>(contacts.size()) / mass;
     const Vec3 velocity = approach.velocity_at(rows[k].at) + approach.ground,
-               slip = along_ground(velocity - rows[k].slide);
+               slip = perpendicular(velocity - rows[k].slide, contact.normal);
     // Without friction, what does not slip would go where friction held it in the last step, and where it is pulled
     // since.
     const bool slips = old == nullptr || norm2(slip) > norm2(pull);
-    const Vec3 along = slip + along_ground(slips ? pull : pull - last_pull - old->friction * share);
+    const Vec3 pulled = slips ? pull : pull - last_pull - old->friction * share,
+               along = slip + perpendicular(pulled, contact.normal);
     const double holds = old == nullptr ? 0.0 : friction * old->normal_impulse * share;
     const double closing = rows[k].speed - dot(rows[k].normal, velocity) - norm(pull);           // without gravity
     const double impact = rows[k].softness > 0.0 ? 0.0 : rows[k].mass * std::max(0.0, closing);  // springs have none
@@ -189,9 +188,8 @@ void find_slips(const std::vector<Contact>& contacts, const std::vector<OldConta
 void find_robot_slips(const std::vector<Contact>& contacts, const std::vector<OldContact>& before,
                       const Approach& approach, const Vec3& pull, double mass, std::vector<ContactRow>& rows) {
   for (std::size_t k = 0; k < contacts.size(); ++k) {
-    const Vec3& normal = contacts[k].normal;
-    const Vec3 velocity = approach.velocity_at(rows[k].at) + approach.ground - rows[k].slide;
-    const Vec3 along = velocity - normal * dot(velocity, normal);
+    const Vec3 velocity = approach.velocity_at(rows[k].at) + approach.ground - rows[k].slide,
+               along = perpendicular(velocity, contacts[k].normal);
     const OldContact* old = matching(contacts[k], before, approach.duration);
     const double most = old == nullptr ? 0.0 : rows[k].friction.sliding * old->normal_impulse;
     const bool holds = most > 0.0 && norm(old->friction) < MOST_HELD * most;

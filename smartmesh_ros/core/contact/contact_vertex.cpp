@@ -14,7 +14,7 @@ namespace {
 // Returns the time [s] at which a ball that is apart from a line or point touches it, negative if that is not within
 // the step. `from` [m]: from a point of the line to the ball's centre; `along`: unit, zero for a point.
 double time_of_touch(const MovingPoint& ball, const Vec3& from, const Vec3& along, double duration) {
-  const Vec3 w = from - along * dot(from, along), v = ball.velocity - along * dot(ball.velocity, along);
+  const Vec3 w = perpendicular(from, along), v = perpendicular(ball.velocity, along);
   const double vv = norm2(v), vw = dot(v, w), apart = norm2(w) - ball.radius * ball.radius;
   const double root = vw * vw - vv * apart;
   if (!(apart > 0.0 && vw < 0.0 && root >= 0.0)) return -1.0;

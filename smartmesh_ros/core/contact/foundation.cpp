@@ -34,7 +34,7 @@ struct Rectangle {
 
   // `level`: a direction in the plane or near it.
   Rectangle(const Vec3& normal, const Vec3& level)
-      : along(unit(level - normal * dot(level, normal))), across(cross(normal, along)) {}
+      : along(unit(perpendicular(level, normal))), across(cross(normal, along)) {}
   void add(const Vec3& p, double grown = 0.0) {
     const double at[2] = {dot(p, along), dot(p, across)};
     for (int k = 0; k < 2; ++k) low[k] = std::min(low[k], at[k] - grown), high[k] = std::max(high[k], at[k] + grown);

@@ -10,9 +10,6 @@ namespace smartmesh {
 
 namespace {
 
-// Distance from the edge of a map within which a point is on it [m].
-constexpr double AT_EDGE = 1e-6;
-
 // Returns true if there is ground at a height [m], and none at an `other` one that is as high; NaN = no ground there.
 bool is_above(double height, double other) { return !(height <= other) && !std::isnan(height); }
 

@@ -31,6 +31,9 @@ inline bool is_on(const HeightGrid& grid, const GridPoint& p) {
   return p.row >= -EDGE && p.column >= -EDGE && p.row <= grid.rows - 1 + EDGE && p.column <= grid.columns - 1 + EDGE;
 }
 
+// Distance from the edge of a map within which a point is on it [m].
+constexpr double AT_EDGE = 1e-6;
+
 // Returns true if all cells of a map at a pose within a `radius` [m] of a point have ground, horizontally.
 bool is_ground_around(const HeightGrid& grid, const GridPose& pose, const Vec3& p, double radius);
 

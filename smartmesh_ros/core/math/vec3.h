@@ -34,6 +34,9 @@ inline Vec3 unit(const Vec3& a) {
   return length > 0.0 ? a * (1.0 / length) : a;
 }
 
+// Returns the part of a vector that is perpendicular to a unit vector.
+inline Vec3 perpendicular(const Vec3& v, const Vec3& axis) { return v - axis * dot(v, axis); }
+
 // Rotation by its rows.
 struct Mat3 {
   Vec3 row[3] = {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}};

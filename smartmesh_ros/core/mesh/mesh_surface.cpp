@@ -90,7 +90,7 @@ class MeshAdder {
     Vec3 first, second;  // directions into the outermost facets, `second` counterclockwise of `first`
     for (int k = edge.first; k < edge.first + edge.count; ++k) {
       const int corner = point(mesh_.opposite[k]);
-      const Vec3 away = patch_.points[corner] - from, into = unit(away - along * dot(away, along));
+      const Vec3 away = patch_.points[corner] - from, into = unit(perpendicular(away, along));
       if (k == edge.first) {
         first = second = into;
         found.opposite[0] = corner;

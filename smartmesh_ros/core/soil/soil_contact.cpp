@@ -31,7 +31,7 @@ double pressing(const Vec3& normal) { return std::max(normal.z, LEAST_VERTICAL);
 // without slip is held.
 Vec3 on_surface(const Underside& shape, const Vec3& mean) {
   if (!rolls(shape.solid)) return mean;
-  const Vec3 out = shape.kind == ShapeKind::Ball ? mean : mean - dot(mean, shape.axis(2)) * shape.axis(2);
+  const Vec3 out = shape.kind == ShapeKind::Ball ? mean : perpendicular(mean, shape.axis(2));
   return mean + out * (shape.half[0] / norm(out) - 1.0);
 }
 
@@ -66,7 +66,7 @@ void SoilUnderBody::gather(SoilLattice& soil, const PlacedPart& placed, const Mo
   const bool is_round = rolls(placed.shape.solid);
   Vec3 half_way = is_round ? Vec3{linear.x, linear.y, 0.0} * (0.5 * step.dt) : Vec3{};
   if (placed.shape.kind == ShapeKind::Cylinder)  // what passes on its rim is no flat end
-    half_way = half_way - placed.shape.axis(2) * dot(half_way, placed.shape.axis(2));
+    half_way = perpendicular(half_way, placed.shape.axis(2));
   for (int r = top; r < bottom; ++r) {
     row_.y = (r - placed.row) * spacing;
     look_up(placed.shape, row_), look_up_exact(placed.shape, row_, exact_);

@@ -102,7 +102,7 @@ void ShearedRim::slide_places(const MovingSolid& moving, const PointsInSoil& poi
   for (const Vec3& offset : points.offsets) {
     const double angle = angle_of(offset);
     first = std::min(first, angle), last = std::max(last, angle);
-    radius = std::max(radius, norm(offset - dot(offset, axis) * axis));
+    radius = std::max(radius, norm(perpendicular(offset, axis)));
   }
   first -= 0.5 * points.spacing / radius, last += 0.5 * points.spacing / radius;
   const double lowest = std::atan2(dot(solid.axes.row[1], down), dot(solid.axes.row[0], down));  // in the part's frame
