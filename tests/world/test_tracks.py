@@ -6,11 +6,10 @@ import math
 import numpy as np
 import pytest
 
-from smartmesh_ros import BodyState, HeightMap, World
-from smartmesh_ros.soil.soil import Soil
+from smartmesh_ros import BodyState, HeightMap
 from studies.soil.rut_pictures import ramp
 from tests.bodies import rate_of_turn
-from tests.grounds import level, shaped
+from tests.grounds import level, on_soil, shaped
 from tests.tracked import FLAT_TRACKS, NAME, UNDERCARRIAGE, drive, standing
 
 
@@ -40,8 +39,7 @@ def test_it_climbs_steps_and_crosses_trenches(kind: str, size: float) -> None:
 
 
 def test_on_soil_it_climbs_20_degrees_and_leaves_ruts() -> None:
-    with World(ramp()) as world:
-        world.ground.set_soil(soil := Soil(world.terrain, "lete_sand"))
+    with on_soil(ramp(), "lete_sand") as world:
         world.spawn_robot(NAME, UNDERCARRIAGE, BodyState((5.3, 0.0, 0.0)), on_ground=True, align=True)
         for step in range(720):
             if step == 120:
@@ -52,7 +50,7 @@ def test_on_soil_it_climbs_20_degrees_and_leaves_ruts() -> None:
         x, _, z = np.array(world.state(NAME).position) - before
         assert 0.8 * 0.75 < math.hypot(x, z) < 0.75, "slower than its tracks"
         assert math.degrees(math.atan2(z, x)) == pytest.approx(20.0, abs=1.0)
-        assert 0.003 < soil.sinkage().max() < 0.05
+        assert 0.003 < world.ground.soil.sinkage().max() < 0.05
 
 
 @pytest.mark.parametrize(("belt", "friction"), [(0.4, 1.0), (0.2, 1.0), (0.4, 0.3)])
