@@ -1,16 +1,18 @@
 """Height maps for tests, and maps that come while a world steps."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from smartmesh_ros import BodyState, Deck, HeightMap, PhysicsConfig, Terrain, World, WorldConfig
+from smartmesh_ros import BodyState, Deck, HeightMap, PhysicsConfig, Soil, SoilType, Terrain, World, WorldConfig
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.ground.shown_patches import PatchTable
 from smartmesh_ros.terrain.terrain import MainMesh
+from tests.bodies import rotation
 
+Soils = SoilType | str | Sequence[SoilType | str]
 Form = Callable[[np.ndarray, np.ndarray], ArrayLike]  # heights [m] by x and y [m]
 
 
@@ -29,6 +31,13 @@ def level(side: int = 41, resolution: float = 0.1, **options: Any) -> HeightMap:
 def world_of(ground: MainMesh | Terrain, **physics: Any) -> World:
     """A world with some settings of its physics."""
     return World(ground, WorldConfig(physics=PhysicsConfig(**physics)))
+
+
+def on_soil(ground: HeightMap | Terrain, soil: Soils, spacing: float = 0.01, **physics: Any) -> World:
+    """A world on soil, with samples of a ``spacing`` [m] and some settings of its physics."""
+    world = world_of(ground, **physics)
+    world.ground.set_soil(Soil(world.terrain, soil, spacing=spacing))
+    return world
 
 
 def terrain_of(**tiles: MainMesh | Deck) -> Terrain:
@@ -72,6 +81,14 @@ def step_on_moving(world: World, heights: Callable[[float], ArrayLike], steps: i
     """Step a world as `moving` does."""
     for _ in moving(world, heights, steps, every):
         pass
+
+
+def energy_of(world: World, name: str) -> float:
+    """Energy [J] of a body, of which its weight has none at a height of zero."""
+    state, (mass, _, inertia, *_) = world.state(name), world.client.getDynamicsInfo(world.bodies[name].uid, -1)
+    spin = rotation(state.orientation).T @ state.angular
+    moving = mass * np.dot(state.linear, state.linear) + inertia @ spin**2
+    return float(0.5 * moving + 9.81 * mass * state.position[2])
 
 
 def said_by(world: World) -> list[str]:

@@ -10,7 +10,7 @@ from smartmesh_ros import BodyState, Box, Capsule, Cylinder, HeightMap, PhysicsC
 from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.terrain.terrain import MainMesh, Terrain
 from smartmesh_ros.terrain.trimesh import TriangleMesh
-from tests.bodies import LYING, UPRIGHT, Turn, about_z, rotation
+from tests.bodies import LYING, UPRIGHT, Turn, about_z
 from tests.core import mesh_parts
 from tests.core.contact_cases import random_case, random_ground
 from tests.grounds import level, terrain_of
@@ -190,20 +190,6 @@ def test_inner_edges_of_a_flat_mesh_are_not_felt(ground: str) -> None:
         for body in sliders:
             np.testing.assert_allclose(world.state(body).linear, (1.0, 0.1, 0.0), atol=2e-3)
             np.testing.assert_allclose(world.state(body).angular, 0.0, atol=2e-3)
-
-
-def test_a_turntable_turns_a_box() -> None:
-    spin, (vertices, triangles) = 0.5, mesh_parts.sheet(4.0, 8)
-    mesh = TriangleMesh(vertices, triangles)
-    with GroundWorld(mesh) as world:
-        box = world.add(BOX, (0.5, 0.0, 0.06))
-        for k in range(60):
-            now = vertices @ rotation(about_z(spin * k / 20)).T
-            mesh.move(now, time=k / 20, velocities=np.cross([0.0, 0.0, spin], now))
-            world.step(12)
-        x, y, _ = world.position(box)
-        np.testing.assert_allclose(np.hypot(x, y), 0.5, atol=0.02)
-        np.testing.assert_allclose(world.state(box).angular, (0.0, 0.0, spin), atol=0.02)
 
 
 def test_parts_that_part_are_two_from_then_on() -> None:

@@ -9,7 +9,9 @@ import pytest
 
 from smartmesh_ros import BodyState, Box, Deck, GridGeometry, HeightMap, Terrain, World
 from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros.terrain.trimesh import TriangleMesh
 from tests.bodies import about_z, rotation
+from tests.core import mesh_parts
 from tests.grounds import add
 from tests.urdfs import link, robot
 
@@ -89,16 +91,17 @@ def turn(time: float) -> tuple[float, float, float]:
 
 
 @pytest.mark.parametrize("intervals", INTERVALS.values(), ids=INTERVALS)
-@pytest.mark.parametrize(
-    ("place", "is_deck"), [(slide, False), (turn, False), (slide, True), (turn, True)],
-    ids=["slides", "turns", "deck slides", "deck turns"],
-)  # fmt: skip
+@pytest.mark.parametrize("place", [slide, turn])
+@pytest.mark.parametrize("kind", ["map", "deck", "mesh"])
 def test_ground_that_moves_evenly_takes_a_box_along_whenever_it_is_told(
-    place: Place, is_deck: bool, intervals: tuple[float, ...]
+    place: Place, kind: str, intervals: tuple[float, ...]
 ) -> None:
-    terrain = Terrain()
-    if is_deck:
+    terrain, (vertices, triangles) = Terrain(), mesh_parts.sheet(4.0, 40)
+    if kind == "deck":
         terrain.put("deck", Deck(belt(slide, 0.0), thickness=1.0))
+    mesh = TriangleMesh(vertices, triangles)
+    if kind == "mesh":
+        terrain.put("", mesh)
 
     def at(time: float) -> np.ndarray:
         """Where the box should be."""
@@ -111,8 +114,10 @@ def test_ground_that_moves_evenly_takes_a_box_along_whenever_it_is_told(
         for step in range(360):
             while told <= world.time:
                 x, y, yaw = place(told)
-                if is_deck:
+                if kind == "deck":
                     terrain.deck("deck").move((x, y, 0.0), about_z(yaw), time=told)
+                elif kind == "mesh":
+                    mesh.move(vertices @ rotation(about_z(yaw)).T + (x, y, 0.0), time=told)
                 else:
                     terrain.put("", belt(place, told))
                 told = next(times)

@@ -16,7 +16,7 @@ from smartmesh_ros.ground.shapes import Hull, Shape, Solid
 from smartmesh_ros.terrain.grid import FloatArray
 from tests.bodies import LYING, put, random_turn, reach, rotation
 from tests.core.contact_cases import contacts_of, random_rotation
-from tests.grounds import end_of, level, shaped, world_of
+from tests.grounds import end_of, energy_of, level, shaped, world_of
 
 RATE = 240.0
 TOP, MIDDLE = 0.6, 12  # height of the crest [m], and its column
@@ -199,27 +199,20 @@ def test_a_rim_is_touched_wherever_its_samples_are(rise: float, yaw: float) -> N
 def test_plates_that_fall_over_a_rim_gain_no_energy(form: str) -> None:
     """Without friction, from the rim down beside the wall under it."""
     rng = np.random.default_rng(1)
-    plate, count = Box(0.4, 0.4, 0.03), 10
-    inertia = np.array([plate.y**2 + plate.z**2, plate.x**2 + plate.z**2, plate.x**2 + plate.y**2]) / 12.0
-
-    def energy(name: str) -> float:
-        state = world.state(name)
-        turning = rotation(state.orientation).T @ state.angular
-        return float(9.81 * state.position[2] + 0.5 * np.dot(state.linear, state.linear) + 0.5 * inertia @ turning**2)
-
+    count = 10
     with world_of(crest(form, 360), sleep=False, friction=0.0) as world:
         for k in range(count):
             turn = pb.getQuaternionFromEuler(rng.normal(0.0, 0.3, 3).tolist())
             place, linear = (rng.uniform(-0.15, 0.15), 1.0 + 1.5 * k, TOP + 0.25), (rng.uniform(0.0, 1.0), 0.0, 0.0)
-            world.spawn(f"{k}", plate, 1.0, BodyState(place, turn, linear))
-        before = [energy(f"{k}") for k in range(count)]
+            world.spawn(f"{k}", Box(0.4, 0.4, 0.03), 1.0, BodyState(place, turn, linear))
+        before = [energy_of(world, f"{k}") for k in range(count)]
         gained = np.zeros(count)
         for _ in range(240):
             world.step()
-            now = [energy(f"{k}") for k in range(count)]
+            now = [energy_of(world, f"{k}") for k in range(count)]
             gained = np.maximum(gained + np.subtract(now, before), 0.0)
             before = now
-            assert gained.max() < 0.05  # [J/kg]
+            assert gained.max() < 0.05  # [J]
 
 
 # Which samples at x, y [m] are no ground.

@@ -13,18 +13,16 @@ from smartmesh_ros import BodyState, HeightMap, InputError, Material, MotionConf
 from smartmesh_ros.ground.shapes import Box, Cylinder, Shape, Sphere
 from smartmesh_ros.soil.config import soil_named
 from tests.bodies import LYING, UPRIGHT, Turn, about_z
-from tests.grounds import level, moving, world_of
+from tests.grounds import Soils, level, moving, on_soil
 
 FLAT = np.zeros((101, 101))
 ALONG = np.tile(0.04 * np.arange(-50, 51), (101, 1))  # [m], from the middle
 BOX = Box(0.2, 0.2, 0.2)
 
 
-def world_on(soil: str | list[str], heights: np.ndarray = FLAT, **physics: Any) -> World:
-    """A world on soil, with some settings of its physics."""
-    world = world_of(HeightMap(heights, resolution=0.04), **physics)
-    world.ground.set_soil(Soil(world.terrain, soil))
-    return world
+def world_on(soil: Soils, heights: np.ndarray = FLAT, **physics: Any) -> World:
+    """A world on soil of these heights."""
+    return on_soil(HeightMap(heights, resolution=0.04), soil, **physics)
 
 
 @pytest.mark.parametrize("shape", [Box(0.3, 0.3, 0.3), Sphere(0.15), Cylinder(radius=0.15, height=0.2)])
@@ -171,8 +169,8 @@ def test_soils_are_where_kinds_say() -> None:
 @pytest.mark.parametrize("samples", [1, 4, 5])
 def test_the_map_is_lower_by_the_sinkage_of_its_samples(samples: int) -> None:
     """Also of those at the edge of a print, and where fine samples lie in the middle between two of the map."""
-    with World(HeightMap(FLAT, resolution=0.04)) as world:
-        world.ground.set_soil(soil := Soil(world.terrain, "lunar", spacing=0.04 / samples))
+    with world_on("lunar", spacing=0.04 / samples) as world:
+        soil = world.ground.soil
         world.spawn("ball", Sphere(0.15), 20.0, BodyState((2.003, 1.987, 0.15), linear=(0.4, 0.3, 0.0)))
         world.step(240)
         soil.show()
@@ -187,8 +185,7 @@ def test_a_box_on_soil_that_slides_or_turns_sinks_as_on_soil_at_rest_and_moves_w
     """It is set down at the velocity of its place, and shears the soil until that holds it on its circle."""
     heightmap = HeightMap(FLAT, resolution=0.04)
     heightmap.slide(velocity, 100.0, spin=spin)
-    with World(heightmap) as world:
-        world.ground.set_soil(Soil(heightmap, "dry_sand"))
+    with on_soil(heightmap, "dry_sand") as world:
         linear = velocity[0] - 0.3 * spin, velocity[1] + 0.4 * spin, 0.0
         world.spawn("box", BOX, 20.0, BodyState((0.4, 0.3, 0.1), linear=linear, angular=(0.0, 0.0, spin)))
         places = []
@@ -208,8 +205,7 @@ def test_a_box_on_soil_that_slides_or_turns_sinks_as_on_soil_at_rest_and_moves_w
 @pytest.mark.parametrize("soil", ["dry_sand", "clay"])
 def test_what_sleeps_on_soil_that_begins_to_rock_is_neither_kicked_nor_shaken(soil: str) -> None:
     """By 6 degrees in 8 s; the force of the soil is the weight."""
-    with World(HeightMap(FLAT, resolution=0.04, origin=(-2.0, -2.0))) as world:
-        world.ground.set_soil(Soil(world.terrain, soil))
+    with on_soil(HeightMap(FLAT, resolution=0.04, origin=(-2.0, -2.0)), soil) as world:
         world.spawn("box", BOX, 20.0, BodyState((1.313, 0.17, 0.1)))
         world.step(240)
         assert world.is_asleep("box")

@@ -21,7 +21,7 @@ from smartmesh_ros.ground.shapes import Box, Cylinder, Sphere
 from smartmesh_ros.terrain import state_file
 from tests.bodies import LYING
 from tests.examples import examples
-from tests.grounds import level, terrain_of
+from tests.grounds import level, on_soil, terrain_of
 from tests.urdfs import ROVER
 from tests.world.random_worlds import digests_elsewhere, saved_run
 from tests.world.test_tracked_shapes import SHAPES
@@ -217,10 +217,9 @@ def test_saving_hardly_disturbs_a_run() -> None:
     it. Without, they would be 1.5 mm away."""
 
     def ends(*, saves: bool) -> list[float]:
-        with World(HeightMap(np.zeros((101, 101)), resolution=0.04)) as world:
+        with on_soil(HeightMap(np.zeros((101, 101)), resolution=0.04), "dry_sand") as world:
             world.spawn("track", Box(0.5, 0.1, 0.1), 20.0, BodyState((1.0, 2.0, 0.051)))
             world.spawn("wheel", Cylinder(radius=0.1, height=0.1), 20.0, BodyState((1.0, 3.0, 0.11), LYING))
-            world.ground.set_soil(Soil(world.terrain, "dry_sand"))
             world.step(60)
             world.drive_surface("track", "", 0.3)
             world.move("wheel", replace(world.state("wheel"), linear=(0.5, 0.0, 0.0), angular=(0.0, 5.0, 0.0)))

@@ -1,18 +1,15 @@
 """A tracked machine drives, climbs and turns as Coulomb's friction at its contacts says; up slopes:
-test_surface_drives.py."""
+test_surface_drives.py; its slip on soil: tests/soil/test_plates_and_carts.py."""
 
 import math
 
 import numpy as np
-import pybullet as pb
 import pytest
 
-from smartmesh_ros import BodyState, Box, HeightMap, World
-from smartmesh_ros.soil.config import soil_named
-from smartmesh_ros.soil.soil import Soil
+from smartmesh_ros import BodyState, HeightMap
 from studies.soil.rut_pictures import ramp
 from tests.bodies import rate_of_turn
-from tests.grounds import level, shaped
+from tests.grounds import level, on_soil, shaped
 from tests.tracked import FLAT_TRACKS, NAME, UNDERCARRIAGE, drive, standing
 
 
@@ -42,8 +39,7 @@ def test_it_climbs_steps_and_crosses_trenches(kind: str, size: float) -> None:
 
 
 def test_on_soil_it_climbs_20_degrees_and_leaves_ruts() -> None:
-    with World(ramp()) as world:
-        world.ground.set_soil(soil := Soil(world.terrain, "lete_sand"))
+    with on_soil(ramp(), "lete_sand") as world:
         world.spawn_robot(NAME, UNDERCARRIAGE, BodyState((5.3, 0.0, 0.0)), on_ground=True, align=True)
         for step in range(720):
             if step == 120:
@@ -54,28 +50,7 @@ def test_on_soil_it_climbs_20_degrees_and_leaves_ruts() -> None:
         x, _, z = np.array(world.state(NAME).position) - before
         assert 0.8 * 0.75 < math.hypot(x, z) < 0.75, "slower than its tracks"
         assert math.degrees(math.atan2(z, x)) == pytest.approx(20.0, abs=1.0)
-        assert 0.003 < soil.sinkage().max() < 0.05
-
-
-@pytest.mark.parametrize("share", [0.3, 0.7])
-def test_on_soil_a_belt_that_pulls_slips_by_janosis_law(share: float) -> None:
-    """By that ``share`` of the strength of the soil. With a slip i, a belt of length L shears it by i L / 2 in the
-    mean."""
-    known, side, speed = soil_named("lete_sand"), 0.4, 0.2
-    with World(HeightMap(np.zeros((76, 101)), resolution=0.04)) as world:
-        world.ground.set_soil(Soil(world.terrain, known))
-        world.spawn("belt", Box(side, side, 0.1), 80.0, BodyState((1.0, 1.503, 0.05)))
-        world.drive_surface("belt", "", speed)
-        strength = side**2 * known.Mohr_cohesion + 80.0 * 9.81 * math.tan(math.radians(known.Mohr_friction))
-        places = []
-        for step in range(1200):
-            x, y, z = world.state("belt").position
-            pull, at = share * strength * min(step / 480.0, 1.0), (x, y, z - 0.05)
-            world.client.applyExternalForce(world.bodies["belt"].uid, -1, (-pull, 0.0, 0.0), at, pb.WORLD_FRAME)
-            world.step()
-            places.append(x)
-    slip = 1.0 - (places[-1] - places[-481]) / (speed * 2.0)
-    assert slip == pytest.approx(-2.0 * known.Janosi_shear / side * math.log(1.0 - share), rel=0.08)
+        assert 0.003 < world.ground.soil.sinkage().max() < 0.05
 
 
 @pytest.mark.parametrize(("belt", "friction"), [(0.4, 1.0), (0.2, 1.0), (0.4, 0.3)])
