@@ -257,8 +257,11 @@ class Session:
         if known is not None and not known.tracked:
             raise InputError("duplicate_id", f"{name!r} is simulated; a tracked body needs another name")
 
-    def start_of(self, name: str, state: BodyState, *, on_ground: bool = False) -> str:
-        """Return how a body that was added starts otherwise than asked, and log it; empty if it does not."""
+    def start_of(
+        self, name: str, state: BodyState, *, on_ground: bool = False, cure: str = "on_ground: true chooses the height"
+    ) -> str:
+        """Return how a body starts otherwise than asked, and log it; empty if it does not. ``cure``: what to do about a
+        start below the ground."""
         words, (x, y, z) = "", state.position
         ground = float("nan") if on_ground else float(self.world.ground_at([[x, y]]).z[0])
         if not on_ground and self.world.terrain.empty:
@@ -266,7 +269,7 @@ class Session:
         elif z < ground and name in (below.partition("/")[0] for below in self.world.below_ground()):
             words = (
                 f"{name!r} starts {ground - z:.2f} m below the ground, which is at z = {ground:.2f} m there, and is "
-                "put onto it; on_ground: true chooses the height"
+                f"put onto it; {cure}"
             )
         if words:
             self.node.get_logger().warning(words)

@@ -125,12 +125,19 @@ class Diagnostics:
             values[f"age of deck {name!r} [s]"] = f"{old:.3f}"
         values["publishers"] = sources
         if session.last_map_time is None:
-            return DiagnosticStatus.WARN, self._no_map(), values
+            if self._world.terrain.empty:
+                return DiagnosticStatus.WARN, self._no_map(), values
+            return DiagnosticStatus.OK, "the ground of a restored state", values
         age = session.clock.steady() - session.last_map_time
         values["age [s]"] = f"{age:.3f}"
         text = f"the last map is {age:.1f} s old"
         if silent := [name for name, old in ages.items() if old > STALE]:
             return DiagnosticStatus.WARN, f"no pose comes of the decks {listed(silent)}, which rest", values
+        if waiting := [entry.deck for entry in session.settings.decks if entry.deck not in self._world.terrain.decks]:
+            words = f"no ground yet: the decks {listed(waiting)}, of whose frame, topic or body no pose came"
+            return DiagnosticStatus.WARN, words, values
+        if self._world.terrain.empty:
+            return DiagnosticStatus.WARN, "no map any more: the last one was removed", values
         # A single map may be static terrain; after several maps, more are expected.
         if age > STALE and not sources and session.maps.total() > 1:
             return DiagnosticStatus.WARN, f"{text}, and nobody publishes maps any more", values
