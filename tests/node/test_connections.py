@@ -50,9 +50,9 @@ def test_a_peer_with_incompatible_qos_or_type_is_named_with_what_would_be_right(
         stubborn.destroy_node()
         maps, contacts = (values[f"incompatible peers on {COLLIDER}/{topic}"] for topic in ("heightmap", "contacts"))
         assert "/stubborn" in maps and "reliable" in maps
-        assert f"qos_overrides.{COLLIDER}/heightmap.subscription." in maps
+        assert f"qos_overrides.{COLLIDER}/heightmap.subscription.reliability: best_effort at the start" in maps
         assert "/stubborn" in contacts and "transient local" in contacts.lower()
-        assert f"qos_overrides.{COLLIDER}/contacts.publisher." in contacts
+        assert f"qos_overrides.{COLLIDER}/contacts.publisher.durability: transient_local at the start" in contacts
         said = "/stubborn: its type is smartmesh_msgs/msg/Heightmap, and must be sensor_msgs/msg/JointState"
         assert values[f"incompatible peers on {COLLIDER}/joint_commands"] == said and said in process.output
         assert "/probe" not in str(values)
