@@ -34,7 +34,8 @@ class PaceWindow:
     """Measures time, real-time factor and missed deadlines between readings.
 
     The factor is 1 at first and after a restart of the loop. It is updated at most every `MIN_WINDOW`, because a few
-    steps give no reliable factor. ``now``: the time in place of real time [s], None = that.
+    steps give no reliable factor. Steps that the newest message of ``/clock`` has released count as done: it may release
+    many at once. ``now``: the time in place of real time [s], None = that.
     """
 
     def __init__(self, session: Session, now: Callable[[], float] | None = None) -> None:
@@ -46,12 +47,13 @@ class PaceWindow:
     def read(self) -> tuple[float, float, int]:
         """Return time since the last reading [s], real-time factor, and deadlines missed since the last reading."""
         now, world, pacer = self._now(), self._session.world, self._session.pacer
+        time = world.time + min(max(-pacer.remaining(), 0.0), pacer.interval)
         length, misses = max(now - self._read, 1e-9), pacer.misses - self._misses
         if self._restarts != pacer.restarts:
-            self._restarts, self._start, self._time, self._factor = pacer.restarts, now, world.time, 1.0
+            self._restarts, self._start, self._time, self._factor = pacer.restarts, now, time, 1.0
         elif now - self._start >= MIN_WINDOW:
-            self._factor = max(world.time - self._time, 0.0) / (now - self._start)
-            self._start, self._time = now, world.time
+            self._factor = max(time - self._time, 0.0) / (now - self._start)
+            self._start, self._time = now, time
         self._read, self._misses = now, pacer.misses
         return length, self._factor, misses
 
