@@ -44,9 +44,9 @@ class OwnTopics:
         self.published: dict[str, str] = {}
         self._resolve = resolve
 
-    def register(self, given: str, names: dict[str, str]) -> None:
+    def register(self, given: str, names: dict[str, str]) -> str:
         """Enter an input into ``taken`` before its subscription, or an output into ``published`` before its publisher;
-        raises `InputError` if it is both."""
+        return its full name. Raises `InputError` if it is both."""
         try:
             topic = self._resolve(given)
         except (ValueError, rclpy_implementation.RCLError) as error:
@@ -55,6 +55,7 @@ class OwnTopics:
         if topic in self.taken and topic in self.published:
             words = f"the input {self.taken[topic]!r} is {topic}, which this node publishes as {self.published[topic]}"
             raise InputError("own_topic", f"{words}; remap one of them elsewhere, or choose another input")
+        return topic
 
 
 def incompatible_peers(node: Transport, subscriptions: Iterable[Any], publishers: Iterable[Any]) -> dict[str, str]:

@@ -34,8 +34,8 @@ class PaceWindow:
     """Measures time, real-time factor and missed deadlines between readings.
 
     The factor is 1 at first and after a restart of the loop. It is updated at most every `MIN_WINDOW`, because a few
-    steps give no reliable factor. Steps that the newest message of ``/clock`` has released count as done: it may release
-    many at once. ``now``: the time in place of real time [s], None = that.
+    steps give no reliable factor. Steps that the newest message of ``/clock`` has released count as done, because it
+    may release many at once. ``now``: the time in place of real time [s], None = that.
     """
 
     def __init__(self, session: Session, now: Callable[[], float] | None = None) -> None:
@@ -126,9 +126,10 @@ class Diagnostics:
             values[f"tiles of deck {name!r}"] = len(self._world.terrain.deck(name).tiles)
             values[f"age of deck {name!r} [s]"] = f"{old:.3f}"
         values["publishers"] = sources
+        unheard = self._unheard()
         if session.last_map_time is None:
             if self._world.terrain.empty:
-                return DiagnosticStatus.WARN, self._no_map(), values
+                return DiagnosticStatus.WARN, f"no map yet: {unheard}" if unheard else "no map yet", values
             return DiagnosticStatus.OK, "the ground of a restored state", values
         age = session.clock.steady() - session.last_map_time
         values["age [s]"] = f"{age:.3f}"
@@ -145,21 +146,26 @@ class Diagnostics:
             return DiagnosticStatus.WARN, f"{text}, and nobody publishes maps any more", values
         if session.map_warning:
             return DiagnosticStatus.WARN, session.map_warning, values
+        if unheard:
+            return DiagnosticStatus.WARN, unheard, values
         if age > STALE:
             return DiagnosticStatus.OK, text, values
         return DiagnosticStatus.OK, "maps arrive", values
 
-    def _no_map(self) -> str:
-        """Return that there is no map yet, and why, if that may be known; log why once it lasts `PATIENCE`."""
+    def _unheard(self) -> str:
+        """Return why the map of a latched publisher may be missed, empty if none may; log it once it lasts
+        `PATIENCE`."""
         session, now = self._session, self._session.clock.steady()
-        unheard = unheard_latched(session.node, session.terrain_subscriptions)
+        silent = [end for end in session.terrain_subscriptions if end.topic_name not in session.heard]
+        unheard = unheard_latched(session.node, silent)
         # A node that waits for the clock says nothing, because the publisher may wait for it, too.
         if not unheard or session.waits_for_clock:
             self._waiting_since = now
         elif now - self._waiting_since > PATIENCE and not self._told:
-            session.node.get_logger().warning(f"no map yet: {unheard}")
+            start = "no map yet: " if self._world.terrain.empty else ""
+            session.node.get_logger().warning(f"{start}{unheard}")
             self._told = True
-        return f"no map yet: {unheard}" if unheard else "no map yet"
+        return unheard
 
     def _bodies(self) -> tuple[bytes, str, dict[str, Any]]:
         world, peers = self._world, self._peers.summaries()
