@@ -63,6 +63,13 @@ def test_a_map_that_comes_before_the_first_message_of_the_clock_is_of_no_other_c
         assert not node.node.refusals.counts
 
 
+def test_a_map_that_is_ahead_of_the_clock_that_the_node_publishes_is_told_who_is_to_follow_it(logged: Logged) -> None:
+    with fed({"publish.clock": 100.0}) as node:
+        node.give("heightmap", heightmap_message(np.zeros((10, 10)), stamp=node.now()))
+        said = logged()
+        assert "its publisher needs use_sim_time, too" in said and "set use_sim_time" not in said
+
+
 def test_a_clock_of_few_messages_is_no_slow_physics_whenever_that_is_measured() -> None:
     """Each message releases 72 steps, and the measurement comes after some of them."""
     with fed({"use_sim_time": True}) as node:

@@ -46,5 +46,5 @@ class SourceClocks(dict[str, StampClock]):
         if age > 0.0:
             session.node.get_logger().info(words)
         else:
-            cure = "its publisher needs use_sim_time, too" if session.clock.simulated else "set use_sim_time"
+            cure = "its publisher needs use_sim_time, too" if session.simulates_stamps else "set use_sim_time"
             session.node.get_logger().warning(f"{words}; {cure}, or synchronise the clocks")
