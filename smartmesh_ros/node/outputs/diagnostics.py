@@ -136,10 +136,8 @@ class Diagnostics:
         text = f"the last map is {age:.1f} s old"
         if silent := [name for name, old in ages.items() if old > STALE]:
             return DiagnosticStatus.WARN, f"no pose comes of the decks {listed(silent)}, which rest", values
-        if waiting := [entry.deck for entry in session.settings.decks if entry.deck not in self._world.terrain.decks]:
-            words = f"no ground yet: the decks {listed(waiting)}, of whose frame, topic or body no pose came"
-            return DiagnosticStatus.WARN, words, values
-        if self._world.terrain.empty:
+        waiting = [entry.deck for entry in session.settings.decks if entry.deck not in self._world.terrain.decks]
+        if self._world.terrain.empty and not waiting:
             return DiagnosticStatus.WARN, "no map any more: the last one was removed", values
         # A single map may be static terrain; after several maps, more are expected.
         if age > STALE and not sources and session.maps.total() > 1:
@@ -148,6 +146,9 @@ class Diagnostics:
             return DiagnosticStatus.WARN, session.map_warning, values
         if unheard:
             return DiagnosticStatus.WARN, unheard, values
+        if waiting:
+            words = f"no ground yet: the decks {listed(waiting)}, of whose frame, topic or body no pose came"
+            return DiagnosticStatus.WARN, words, values
         if age > STALE:
             return DiagnosticStatus.OK, text, values
         return DiagnosticStatus.OK, "maps arrive", values
