@@ -51,6 +51,15 @@ def test_a_body_whose_start_no_map_covers_is_named_until_one_does() -> None:
         assert run.world.bodies.keys() == {"ball"}
 
 
+def test_a_body_that_an_output_names_is_told_of_until_it_is_there() -> None:
+    """Its topic has no messages until then, whatever the reason is: here the name is another one."""
+    with on_level({"height_scans": ["{body: ball, layout: isaac_lab}"]}, keep=["/diagnostics"]) as run:
+        for name, x, words in ("bal", 3.0, "no such body: ball of height_scans"), ("ball", 6.0, "2 patches"):
+            assert run.call("spawn_body", spawning(name, (x, 5.0, 0.2))).success
+            run.run(run.time + 2.0)
+            assert told(run, "bodies")["message"] == words
+
+
 def test_the_log_names_who_cannot_start_at_the_rim_of_the_ground(logged: Logged) -> None:
     """The robot of a description has no entry in bodies.spawn."""
     start = {"robot.description": ROVER, "robot.start": ["{id: tug, xy: [0.0, 0.0], clearance: 0.1}"]}

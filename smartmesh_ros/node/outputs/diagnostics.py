@@ -201,7 +201,15 @@ class Diagnostics:
             return DiagnosticStatus.WARN, f"no ground yet where they start: {listed(waiting)}", values
         if silent := self._peers.silent():
             return DiagnosticStatus.WARN, f"not heard: {', '.join(silent)}", values
+        if missing := self._missing():
+            return DiagnosticStatus.WARN, f"no such body: {listed(missing)}", values
         return DiagnosticStatus.OK, f"{patches} patches", values
+
+    def _missing(self) -> list[str]:
+        """Return the bodies that outputs and bases name, and that are not there and do not wait for ground."""
+        settings, there = self._session.settings, {*self._world.bodies, *self._waiting()}
+        named = {name: getattr(settings, name) for name in ("height_scans", "ground_maps", "imus", "bases")}
+        return [f"{entry.body} of {name}" for name, of in named.items() for entry in of if entry.body not in there]
 
     def _physics(self) -> tuple[bytes, str, dict[str, Any]]:
         session = self._session
