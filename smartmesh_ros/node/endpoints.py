@@ -44,9 +44,9 @@ class OwnTopics:
         self.published: dict[str, str] = {}
         self._resolve = resolve
 
-    def register(self, given: str, names: dict[str, str]) -> None:
+    def register(self, given: str, names: dict[str, str]) -> str:
         """Enter an input into ``taken`` before its subscription, or an output into ``published`` before its publisher;
-        raises `InputError` if it is both."""
+        return its full name. Raises `InputError` if it is both."""
         try:
             topic = self._resolve(given)
         except (ValueError, rclpy_implementation.RCLError) as error:
@@ -55,6 +55,7 @@ class OwnTopics:
         if topic in self.taken and topic in self.published:
             words = f"the input {self.taken[topic]!r} is {topic}, which this node publishes as {self.published[topic]}"
             raise InputError("own_topic", f"{words}; remap one of them elsewhere, or choose another input")
+        return topic
 
 
 def incompatible_peers(node: Transport, subscriptions: Iterable[Any], publishers: Iterable[Any]) -> dict[str, str]:
@@ -81,12 +82,22 @@ def incompatible_peers(node: Transport, subscriptions: Iterable[Any], publishers
             if peer.topic_type != mine.topic_type:
                 words = f"its type is {peer.topic_type}, and must be {mine.topic_type}"
             elif compatible == QoSCompatibility.ERROR:
-                cure = f"qos_overrides.{topic}.{kind}.<policy> at the start changes this node's {kind}"
+                cure = f"{_qos_cure(publisher, subscription, peer, f'qos_overrides.{topic}.{kind}')} at the start"
+                cure += f" changes this node's {kind}"
                 words = f"{reason.replace('ERROR: ', '').strip('; ')}; {cure}"
             else:
                 continue
             found.setdefault(topic, []).append(f"{names_of([peer])[0]}: {words}")
     return {topic: "; ".join(peers) for topic, peers in found.items()}
+
+
+def _qos_cure(publisher: Any, subscription: Any, peer: Any, parameters: str) -> str:
+    """Return the ``parameters`` of an end that give it the policies of the ``peer`` where the publisher offers less
+    than the subscription requests: a lower value is the stronger one."""
+    policies = ("reliability", "durability")
+    wrong = [one for one in policies if getattr(publisher.qos_profile, one) > getattr(subscription.qos_profile, one)]
+    right = [f"{parameters}.{one}: {getattr(peer.qos_profile, one).name.lower()}" for one in wrong]
+    return " and ".join(right) or f"{parameters}.<policy>"
 
 
 def unheard_latched(node: Transport, subscriptions: Iterable[Any]) -> str:

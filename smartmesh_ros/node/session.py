@@ -64,11 +64,11 @@ class Session:
     terrain message [s], None before the first; ``deck_times``: of the last pose of each deck that follows a frame or an
     odometry; ``maps``: numbers of accepted terrain messages by tile. ``counts``: of what is no refusal but told in the
     diagnostics, by its words there. ``lock``: guards the world, for executors with several threads. ``handled``: number
-    of messages and calls so far. ``map_warning``: how maps are misused, empty = they are not.
-    ``terrain_subscriptions``: subscriptions to terrain. ``topics``: the node's inputs and outputs. ``source_clocks``:
-    of inputs by the names of their sources.
-    ``turns``: answers under way. ``files``: reads files and prepares robots. ``bases``: robots that
-    drive, by name. ``lost``: why bodies were removed, by name, until a reset; ``losses``: number of all so far.
+    of messages and calls so far; ``heard``: full names of the inputs that had messages. ``map_warning``: how maps are
+    misused, empty = they are not. ``terrain_subscriptions``: subscriptions to terrain. ``topics``: the node's inputs
+    and outputs. ``source_clocks``: of inputs by the names of their sources. ``turns``: answers under way. ``files``:
+    reads files and prepares robots. ``bases``: robots that drive, by name. ``lost``: why bodies were removed, by name,
+    until a reset; ``losses``: number of all so far.
     """
 
     def __init__(self, node: Transport, settings: Settings, clock: Clock) -> None:
@@ -85,7 +85,7 @@ class Session:
         self.publishers: list[Any] = []
         self.topics = OwnTopics(node.resolve_topic_name)
         self.terrain_subscriptions: list[Any] = []
-        self.handled = 0
+        self.handled, self.heard = 0, set[str]()
         self.refusals = Refusals(node.get_logger(), clock.steady)
         self.lock = RLock()
         self.pacer = Pacer(settings.world.physics.dt, now=self.clock.pace)
@@ -127,12 +127,13 @@ class Session:
             try:
                 with self.lock:
                     self.handled += 1
+                    self.heard.add(full)
                     take(data if raw else message_from(data, kind))
             except REFUSED as error:
                 self.refusals.add(topic, error)
 
         name = f"~/{topic}" if private else topic
-        self.topics.register(name, self.topics.taken)
+        full = self.topics.register(name, self.topics.taken)
         self.subscriptions.append(self.node.create_subscription(kind, name, callback, qos, raw=True))
         return self.subscriptions[-1]
 
@@ -257,8 +258,11 @@ class Session:
         if known is not None and not known.tracked:
             raise InputError("duplicate_id", f"{name!r} is simulated; a tracked body needs another name")
 
-    def start_of(self, name: str, state: BodyState, *, on_ground: bool = False) -> str:
-        """Return how a body that was added starts otherwise than asked, and log it; empty if it does not."""
+    def start_of(
+        self, name: str, state: BodyState, *, on_ground: bool = False, cure: str = "on_ground: true chooses the height"
+    ) -> str:
+        """Return how a body starts otherwise than asked, and log it; empty if it does not. ``cure``: what to do about a
+        start below the ground."""
         words, (x, y, z) = "", state.position
         ground = float("nan") if on_ground else float(self.world.ground_at([[x, y]]).z[0])
         if not on_ground and self.world.terrain.empty:
@@ -266,7 +270,7 @@ class Session:
         elif z < ground and name in (below.partition("/")[0] for below in self.world.below_ground()):
             words = (
                 f"{name!r} starts {ground - z:.2f} m below the ground, which is at z = {ground:.2f} m there, and is "
-                "put onto it; on_ground: true chooses the height"
+                f"put onto it; {cure}"
             )
         if words:
             self.node.get_logger().warning(words)

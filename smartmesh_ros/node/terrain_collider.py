@@ -17,7 +17,7 @@ from rclpy.service_introspection import ServiceIntrospectionState
 from smartmesh_msgs.srv import StepPhysics
 from std_srvs.srv import SetBool, Trigger
 
-from smartmesh_ros.errors import InputError
+from smartmesh_ros.errors import InputError, listed
 from smartmesh_ros.io.rasters import Raster
 from smartmesh_ros.node.fleet.peers import PeerBodies
 from smartmesh_ros.node.inputs.body_inputs import BodyInputs
@@ -49,6 +49,8 @@ NAME = "terrain_collider"
 MOST_STEPS = 100_000
 # Steps that a call does before the node takes messages, calls and signals again.
 STEPS_A_TURN = 100
+# What to do about bodies that start below the ground after a reset.
+EPISODE = "~/start_episode also puts the ground back as it was at the start"
 
 
 class Collider:
@@ -138,12 +140,13 @@ class Collider:
         with session.lock:
             self._outputs.publish(now=True)
 
-    def reset(self, *, time: bool = True, bodies: bool = True, spawned: bool = False) -> None:
-        """Resets the simulation: simulated ``time`` to zero, ``bodies`` to their initial states.
+    def reset(self, *, time: bool = True, bodies: bool = True, spawned: bool = False) -> list[str]:
+        """Resets the simulation: simulated ``time`` to zero, ``bodies`` to their initial states. Returns which of them
+        start below the ground, because it has risen since they were spawned.
 
         ``spawned``: also removes simulated bodies that are no initial ones and, in a full reset, restores those.
         """
-        world = self.session.world
+        session, world, below = self.session, self.session.world, list[str]()
         if spawned:
             for body in list(world.bodies.values()):
                 if body.simulated and body.name not in self.initial.names:
@@ -153,10 +156,13 @@ class Collider:
             self._forget_stamps()
         if bodies:
             world.reset_bodies()
-            self.initial.restore(self.session.lost)
-            self.session.lost.clear()
+            there = [] if world.terrain.empty else [body for body in world.bodies.values() if body.simulated]
+            below = [words for body in there if (words := session.start_of(body.name, body.initial, cure=EPISODE))]
+            self.initial.restore(session.lost)
+            session.lost.clear()
         if time and bodies and spawned:
             self.initial.restore()
+        return below
 
     def start_episode(self, seed: int) -> None:
         """Begins an episode: everything is as at the start, and whatever is random by the ``seed``."""
@@ -185,8 +191,7 @@ class Collider:
         self._forget_stamps()
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> None:
-        self.reset()
-        response.message = "bodies are back where they were spawned"
+        response.message = listed(["bodies are back where they were spawned", *self.reset()], between="; ")
 
     def _on_reset_terrain_clock(self, _: Trigger.Request, response: Trigger.Response) -> None:
         self._terrain.forget_stamps()

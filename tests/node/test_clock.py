@@ -18,6 +18,7 @@ from std_srvs.srv import SetBool
 from tf2_msgs.msg import TFMessage
 
 from smartmesh_ros import BodyState, Sphere
+from smartmesh_ros.node.outputs.diagnostics import PaceWindow
 from smartmesh_ros.node.timing.pacing import stamp_of
 from smartmesh_ros.tools.demo.terrain_source import TerrainSource
 from smartmesh_ros.tools.testing import COLLIDER, Probe, heightmap_message
@@ -60,6 +61,28 @@ def test_a_map_that_comes_before_the_first_message_of_the_clock_is_of_no_other_c
             assert ("s ahead of this node's clock" in said) == words and "set use_sim_time" not in said
             assert ("its publisher needs use_sim_time, too" in said) == words
         assert not node.node.refusals.counts
+
+
+def test_a_map_that_is_ahead_of_the_clock_that_the_node_publishes_is_told_who_is_to_follow_it(logged: Logged) -> None:
+    with fed({"publish.clock": 100.0}) as node:
+        node.give("heightmap", heightmap_message(np.zeros((10, 10)), stamp=node.now()))
+        said = logged()
+        assert "its publisher needs use_sim_time, too" in said and "set use_sim_time" not in said
+
+
+def test_a_clock_of_few_messages_is_no_slow_physics_whenever_that_is_measured() -> None:
+    """Each message releases 72 steps, and the measurement comes after some of them."""
+    with fed({"use_sim_time": True}) as node:
+        set_clock(node, 100.0)
+        window = PaceWindow(node.node.session, node.node.session.clock.pace)
+        factors = []
+        for k in range(1, 40):
+            node.node._time_source.clock_callback(Clock(clock=stamp_of(100.0 + 0.3 * k)))
+            for step in range(72):
+                if step == 17 * k % 72:
+                    factors.append(window.read()[1])
+                node.node.tick(node.node.pacer.advance)
+        assert factors == pytest.approx([1.0] * 39, abs=0.02)
 
 
 @pytest.mark.parametrize("period", [0.02, 0.1, 0.5])

@@ -23,7 +23,7 @@ from smartmesh_ros.node.terrain_collider import TerrainCollider
 from smartmesh_ros.startup.dds import POLICY_VARIABLE, VARIABLE, use_large_message_profile
 from smartmesh_ros.tools.demo.rover import Rover
 from smartmesh_ros.tools.demo.terrain_source import TerrainSource
-from smartmesh_ros.tools.testing import COLLIDER, Probe, Process, heightmap_message
+from smartmesh_ros.tools.testing import COLLIDER, Probe, Process, heightmap_message, mesh_message
 from tests.memory import needs_shared_memory
 from tests.node.shared import LATCHED, Logged, fed, made_with, stamped
 
@@ -50,9 +50,9 @@ def test_a_peer_with_incompatible_qos_or_type_is_named_with_what_would_be_right(
         stubborn.destroy_node()
         maps, contacts = (values[f"incompatible peers on {COLLIDER}/{topic}"] for topic in ("heightmap", "contacts"))
         assert "/stubborn" in maps and "reliable" in maps
-        assert f"qos_overrides.{COLLIDER}/heightmap.subscription." in maps
+        assert f"qos_overrides.{COLLIDER}/heightmap.subscription.reliability: best_effort at the start" in maps
         assert "/stubborn" in contacts and "transient local" in contacts.lower()
-        assert f"qos_overrides.{COLLIDER}/contacts.publisher." in contacts
+        assert f"qos_overrides.{COLLIDER}/contacts.publisher.durability: transient_local at the start" in contacts
         said = "/stubborn: its type is smartmesh_msgs/msg/Heightmap, and must be sensor_msgs/msg/JointState"
         assert values[f"incompatible peers on {COLLIDER}/joint_commands"] == said and said in process.output
         assert "/probe" not in str(values)
@@ -64,6 +64,7 @@ def test_a_map_that_was_latched_before_the_node_started_is_not_missed_without_a_
     has no warning of it until the clock runs."""
     latched = probe.node.create_publisher(Heightmap, f"{COLLIDER}/heightmap", LATCHED)
     latched.publish(stamped(probe, heightmap_message(np.zeros((10, 10)))))
+    mesh = mesh_message(np.eye(3), [[0, 1, 2]], tile="mesh")
     clock = probe.node.create_publisher(Clock, "/clock", 10)
     name = f"qos_overrides.{COLLIDER}/heightmap.subscription.durability"
     words = f"no map yet: {COLLIDER}/heightmap has a latched publisher; if that sent its map before, set {name}"
@@ -72,6 +73,9 @@ def test_a_map_that_was_latched_before_the_node_started_is_not_missed_without_a_
         assert all(words in probe.diagnostics("terrain")["message"] for _ in range(3))
         assert words not in process.output
         probe.wait_for(lambda: clock.publish(Clock(clock=Time(sec=5))) or words in process.output)
+        probe.publishers["terrain_mesh"].publish(mesh)
+        status = probe.wait_for(lambda: (found := probe.diagnostics("terrain"))["tiles"] == "1" and found)
+        assert status["message"] == words.removeprefix("no map yet: ") + " to transient_local", "others do not hide it"
     with Process("terrain_collider", {name: "transient_local"}) as process:  # not for the probe's own publisher
         probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] == "100", watch=process)
 

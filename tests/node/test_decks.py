@@ -66,6 +66,24 @@ def test_decks_follow_a_frame_and_an_odometry(now: list[float]) -> None:
         assert values["tiles of deck 'ferry'"] == 1
 
 
+def test_decks_without_a_pose_are_told_of_until_they_are_ground() -> None:
+    """One follows a topic, and one a body that is not there yet."""
+    with fed({"decks": [BARGE, LIFT], "frame_id": "map"}) as node:
+
+        def tell() -> str:
+            return str(node.node._outputs._diagnostics._terrain()[1])
+
+        assert tell() == "no map yet"
+        node.give("heightmap", heightmap_message(FLAT, resolution=0.25, origin=ORIGIN, tile="barge", frame_id=""))
+        words = "of whose frame, topic or body no pose came"
+        assert tell() == f"no ground yet: the decks barge, cage, {words}"
+        node.give("/barge/odom", stamped(node, odometry_message(10.0, 1.0, 0.0)), steps=1)
+        assert tell() == f"no ground yet: the decks cage, {words}"
+        node.world.spawn("platform", Box(1.0, 1.0, 0.2), 100.0, BodyState((0.0, 0.0, 1.0)))
+        node.run(1)
+        assert tell() == "maps arrive"
+
+
 def test_a_deck_moves_on_at_the_velocity_that_its_odometry_states() -> None:
     with fed({"decks": [BARGE], "frame_id": "map"}) as node:
         node.give("heightmap", heightmap_message(FLAT, resolution=0.25, origin=ORIGIN, tile="barge", frame_id=""))
@@ -165,4 +183,4 @@ def test_a_deck_that_came_after_the_start_is_told_of_once_it_comes_again() -> No
                 assert node.heights(10.0, 0.0) == pytest.approx(height)
             assert node.call(service, request).success
             assert "barge" not in node.world.terrain.decks
-            assert tell() == "maps arrive"
+            assert tell() == "no ground yet: the decks barge, of whose frame, topic or body no pose came"

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 from smartmesh_msgs.msg import BodySpecification, HeightmapUpdate
-from smartmesh_msgs.srv import SpawnBodies, SpawnBody
+from smartmesh_msgs.srv import RestoreState, SaveState, SpawnBodies, SpawnBody, StartEpisode
 from std_srvs.srv import Trigger
 
 from smartmesh_ros import BodyState, Sphere
@@ -16,6 +16,10 @@ from tests.node.shared import BALL, Logged, fed, on_level, told
 from tests.urdfs import ROVER
 
 HOLES = heightmap_message(np.full((30, 30), np.nan))
+
+
+def spawning(name: str, place: tuple[float, float, float]) -> SpawnBody.Request:
+    return SpawnBody.Request(id=name, mass=1.0, shape=BALL, pose=pose_message(place))
 
 
 def lines(run: Replay, words: str) -> list[str]:
@@ -45,6 +49,15 @@ def test_a_body_whose_start_no_map_covers_is_named_until_one_does() -> None:
         run.run(4.0)
         assert "no ground" not in told(run, "bodies")["message"]
         assert run.world.bodies.keys() == {"ball"}
+
+
+def test_a_body_that_an_output_names_is_told_of_until_it_is_there() -> None:
+    """Its topic has no messages until then, whatever the reason is: here the name is another one."""
+    with on_level({"height_scans": ["{body: ball, layout: isaac_lab}"]}, keep=["/diagnostics"]) as run:
+        for name, x, words in ("bal", 3.0, "no such body: ball of height_scans"), ("ball", 6.0, "2 patches"):
+            assert run.call("spawn_body", spawning(name, (x, 5.0, 0.2))).success
+            run.run(run.time + 2.0)
+            assert told(run, "bodies")["message"] == words
 
 
 def test_the_log_names_who_cannot_start_at_the_rim_of_the_ground(logged: Logged) -> None:
@@ -103,6 +116,44 @@ def test_a_body_that_is_spawned_before_or_below_the_ground_is_told_that_it_falls
         assert spawned("under a roof", pose=pose_message((2.0, 2.0, 1.0))) == ""
         run.run(0.2)
         assert run.world.state("alone").position[2] > 0.1
+
+
+def test_a_reset_tells_which_bodies_the_ground_has_risen_above() -> None:
+    words = "'ball' starts 0.50 m below the ground, which is at z = 1.00 m there, and is put onto it; ~/start_episode"
+    with on_level({"terrain.motion": "hold"}) as run:
+        for name, x, height in ("ball", 2.0, 0.5), ("high", 4.0, 3.0):
+            assert run.call("spawn_body", spawning(name, (x, 2.0, height))).success
+        run.run(0.1)
+        assert run.call("reset", Trigger.Request()).message == "bodies are back where they were spawned"
+        run.give("heightmap", heightmap_message(np.ones((101, 101))))
+        answer = run.call("reset", Trigger.Request()).message
+        assert answer.startswith(f"bodies are back where they were spawned; {words}") and "'high'" not in answer
+        assert len(lines(run, words)) == 1
+        run.run(run.time + 0.2)
+        assert run.world.state("ball").position[2] > 1.1
+
+
+def test_ground_that_is_all_removed_is_told_and_restored_ground_is_ground() -> None:
+    gone = heightmap_message(np.zeros((0, 0)))
+    with on_level(keep=["/diagnostics"]) as run:
+
+        def says() -> str:
+            run.run(run.time + 4.0)
+            return told(run, "terrain")["message"]
+
+        run.give("heightmap", heightmap_message(np.zeros((30, 30)), tile="east"))
+        state = run.call("save_state", SaveState.Request()).state
+        gone.tile = "east"
+        run.give("heightmap", gone)
+        assert "the last map is" in says()
+        gone.tile = ""
+        run.give("heightmap", gone)
+        assert says() == "no map any more: the last one was removed"
+        assert run.call("start_episode", StartEpisode.Request()).success
+        assert "the last map is" in says()
+    with Replay([("restore_state", 0.0, RestoreState.Request(state=state))], keep=["/diagnostics"]) as run:
+        run.run(4.0)
+        assert told(run, "terrain")["message"] == "the ground of a restored state"
 
 
 def test_a_map_of_holes_is_told_until_there_is_ground_and_again_when_a_region_takes_it() -> None:

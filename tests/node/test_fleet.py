@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from smartmesh_msgs.msg import BodySpecification, Heightmap, Timing, TrackedBody, TrackedBodyArray
 from smartmesh_msgs.srv import RemoveBody, SpawnBodies, SpawnBody
 from visualization_msgs.msg import Marker, MarkerArray
@@ -15,9 +16,10 @@ from visualization_msgs.msg import Marker, MarkerArray
 from smartmesh_ros.errors import InputError
 from smartmesh_ros.node.fleet import layout
 from smartmesh_ros.node.fleet.front import Front
+from smartmesh_ros.node.fleet.ledger import LedgerConfig
 from smartmesh_ros.tools import fleet as fleet_command
 from smartmesh_ros.tools.testing import Probe, Process, heightmap_message, pose_message
-from tests.node.shared import BALL, UDP_ONLY, Logged, fed, made_with, stamped
+from tests.node.shared import BALL, ROOT, UDP_ONLY, Logged, fed, made_with, stamped
 
 NODES = layout.node_names(2)
 # After which silence the front takes a node for dead [s]: longer than a busy machine lets one wait.
@@ -119,6 +121,12 @@ def test_bodies_of_two_nodes_outlive_a_node(probe: Probe, tmp_path: Path) -> Non
         probe.wait_for(lambda: front.output.count(f"{NODES[1]} joined the fleet") == 2)  # diagnostics may be old
         assert fleet.spawn("late", 5.0).success
         probe.wait_for(lambda: fleet.bodies(1) == {"late"})
+
+
+def test_nodes_let_go_of_the_bodies_of_a_dead_peer_before_the_front_spawns_them_again() -> None:
+    """Until then a node refuses them, because another one has bodies of these names."""
+    preset = yaml.safe_load((ROOT / "config" / f"{layout.PRESET}.yaml").read_text())["/**"]["ros__parameters"]
+    assert preset["bodies.timeout"] < LedgerConfig().timeout
 
 
 def test_peers_that_simulate_otherwise_are_refused_by_reason(logged: Logged) -> None:

@@ -110,8 +110,8 @@ def test_tiles_that_come_and_go_leave_nothing_behind(monkeypatch: pytest.MonkeyP
 
 
 def test_the_shipped_bag_of_a_mapper_is_taken_and_after_a_reset_again(logged: Logged) -> None:
-    """That its stamps are old is told once of each source. Played again, they run backwards. Over DDS the page on
-    testing plays a bag: test_tutorial.py."""
+    """That its stamps are old is told once of the maps, and once of the odometry. Played again, they run backwards.
+    Over DDS the page on testing plays a bag: test_tutorial.py."""
     records = list(bags.read(MAPPER))
     topics = {"/elevation_map": "grid_map", "/odom": "/odom"}
     data = {record.topic: record.data for record in records}
@@ -133,6 +133,16 @@ def test_the_shipped_bag_of_a_mapper_is_taken_and_after_a_reset_again(logged: Lo
             assert logged().count("s old, so they count as those of another clock") == (0 if refused else 2)
             if refused:
                 node.node.reset()
+
+
+def test_that_latched_tiles_are_old_is_one_line_and_that_others_are_ahead_another(logged: Logged) -> None:
+    with fed({}) as node:
+        for number in range(6):
+            stamp = stamp_of(seconds(node.now()) + (-100.0 if number % 3 else 100.0))
+            node.give("heightmap", heightmap_message(LEVEL, tile=f"tile {number}", stamp=stamp), steps=1)
+        said = logged()
+        assert (said.count("s old, so they"), said.count("s ahead of this node's clock, so they")) == (1, 1)
+        assert not node.node.refusals.counts
 
 
 def test_older_stamps_are_taken_again_and_bodies_stay_where_they_are() -> None:

@@ -118,7 +118,7 @@ def test_every_bad_message_is_refused_counted_and_changes_nothing(logged: Logged
         # Each reason was logged, and said what would be right.
         said = logged()
         frame = "is not the terrain's frame 'map'; the parameter frame_id sets that"
-        for words in ("there must be 1240", "at least 3 x 3", frame, "known: ''"):
+        for words in ("there must be 1240", "at least 3 x 3", frame, "known: ''", "length 1, such as (0, 0, 0, 1)"):
             assert words in said
         # And good input is taken as before.
         node.give("heightmap", stamped(node, heightmap_message(GOOD + 1.0)))

@@ -163,7 +163,7 @@ def test_occupancy_grids_and_their_updates_become_walls_and_holes_where_they_are
         )  # fmt: skip
 
 
-def test_organised_clouds_may_run_either_way() -> None:
+def test_organised_clouds_may_run_either_way(logged: Logged) -> None:
     with fed({**HOLD, "terrain.input": "point_cloud"}) as node:
         x, y = places()
         z = surface(x, y)
@@ -182,3 +182,4 @@ def test_organised_clouds_may_run_either_way() -> None:
             ("fields", {"fields__2__datatype": 3}),
         )  # fmt: skip
         assert shows(node, tolerance=1e-4)
+    assert "must have the rows and columns of a grid; a mapper makes a grid map of the points of a lidar" in logged()

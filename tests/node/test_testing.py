@@ -168,9 +168,11 @@ def test_a_probe_listens_in_a_namespace_to_its_own_node(shared: Probe) -> None:
         assert other.diagnostics("terrain")["message"] == "no map yet"
 
 
-def test_a_node_that_is_started_in_the_place_of_a_killed_one_gets_its_first_map() -> None:
+def test_a_call_to_a_killed_node_fails_at_once_and_one_in_its_place_gets_its_first_map() -> None:
     with Probe() as probe, probe.running(environment=UDP_ONLY) as first:
         first.stop(signal.SIGKILL)
+        with pytest.raises(AssertionError, match="the node ended with -9"):
+            probe.call("pause", SetBool, data=True)
         with probe.running(environment=UDP_ONLY):
             probe.publish_map(np.zeros((3, 3)))
             probe.wait_for(lambda: probe.diagnostics("terrain")["samples"] == "9")

@@ -137,8 +137,9 @@ def cloud_raster(message: Any, config: RasterConfig) -> Raster:
     """Convert an organised sensor_msgs/PointCloud2, which has rows and columns of equally spaced points: their x and y
     give the grid, their z the heights."""
     if message.height < 2 or message.width < 2:
-        words = f"a cloud of {message.height} x {message.width} points is not organised in rows and columns"
-        raise InputError("not_a_grid", words)
+        words = f"a cloud of {message.height} x {message.width} points is not organised"
+        right = "it must have the rows and columns of a grid; a mapper makes a grid map of the points of a lidar"
+        raise InputError("not_a_grid", f"{words}: {right}")
     require_cells(message.height * message.width)
     if message.row_step < message.width * message.point_step or len(message.data) != message.height * message.row_step:
         sizes = f"{message.height} rows of {message.row_step}, {message.width} points of {message.point_step} each"

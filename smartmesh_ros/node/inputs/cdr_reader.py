@@ -227,7 +227,8 @@ def yaw_from(x: float, y: float, z: float, w: float) -> float:
     """Return the rotation about z [rad] of a unit quaternion that rotates about no other axis."""
     length = math.hypot(x, y, z, w)
     if not math.isfinite(length) or abs(length - 1.0) > QUATERNION_SLACK:
-        raise InputError("quaternion", f"the map's orientation ({x}, {y}, {z}, {w}) is not a unit quaternion")
+        words = f"the map's orientation ({x}, {y}, {z}, {w}) has length {length:.4g}; a rotation has length 1"
+        raise InputError("quaternion", f"{words}, such as (0, 0, 0, 1)")
     if math.hypot(x, y) > QUATERNION_SLACK:
         raise InputError("quaternion", f"the map is tilted (x = {x}, y = {y}); it may be rotated about z only")
     return 2.0 * math.atan2(z, w)

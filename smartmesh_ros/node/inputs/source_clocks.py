@@ -28,8 +28,8 @@ class SourceClocks(dict[str, StampClock]):
         self, source: str, stamp: float | None, *, most: float = 0.0, horizon: float = math.inf
     ) -> Iterator[Placed]:
         """Give the block the stamp [s] of a message of a source in the time of ``time_at``; record the message as
-        accepted unless the block raises, and log the first whose stamp is not on this node's clock. ``most``,
-        ``horizon``: as of `StampClock.place`."""
+        accepted unless the block raises. Log the first source whose stamps are ahead of this node's clock, and the
+        first whose stamps are too old for it. ``most``, ``horizon``: as of `StampClock.place`."""
         session, clock = self._session, self.of(source)
         placed = clock.place(stamp, session.clock_now(), self._time_at, most, horizon, session.pacer.pace)
         yield placed
@@ -39,10 +39,12 @@ class SourceClocks(dict[str, StampClock]):
         if session.waits_for_clock or not placed.fresh or placed.own or placed.stamp is None:
             return
         age = session.clock_now() - placed.stamp
+        if any(other.is_foreign(ahead=age <= 0.0) for other in self.values() if other is not clock):
+            return
         where = f"{age:.3f} s old" if age > 0.0 else f"{-age:.3f} s ahead of this node's clock"
         words = f"{source}: stamps are {where}, so they count as those of another clock, which hold when they arrive"
         if age > 0.0:
             session.node.get_logger().info(words)
         else:
-            cure = "its publisher needs use_sim_time, too" if session.clock.simulated else "set use_sim_time"
+            cure = "its publisher needs use_sim_time, too" if session.simulates_stamps else "set use_sim_time"
             session.node.get_logger().warning(f"{words}; {cure}, or synchronise the clocks")

@@ -34,7 +34,8 @@ class PaceWindow:
     """Measures time, real-time factor and missed deadlines between readings.
 
     The factor is 1 at first and after a restart of the loop. It is updated at most every `MIN_WINDOW`, because a few
-    steps give no reliable factor. ``now``: the time in place of real time [s], None = that.
+    steps give no reliable factor. Steps that the newest message of ``/clock`` has released count as done, because it
+    may release many at once. ``now``: the time in place of real time [s], None = that.
     """
 
     def __init__(self, session: Session, now: Callable[[], float] | None = None) -> None:
@@ -46,12 +47,13 @@ class PaceWindow:
     def read(self) -> tuple[float, float, int]:
         """Return time since the last reading [s], real-time factor, and deadlines missed since the last reading."""
         now, world, pacer = self._now(), self._session.world, self._session.pacer
+        time = world.time + min(max(-pacer.remaining(), 0.0), pacer.interval)
         length, misses = max(now - self._read, 1e-9), pacer.misses - self._misses
         if self._restarts != pacer.restarts:
-            self._restarts, self._start, self._time, self._factor = pacer.restarts, now, world.time, 1.0
+            self._restarts, self._start, self._time, self._factor = pacer.restarts, now, time, 1.0
         elif now - self._start >= MIN_WINDOW:
-            self._factor = max(world.time - self._time, 0.0) / (now - self._start)
-            self._start, self._time = now, world.time
+            self._factor = max(time - self._time, 0.0) / (now - self._start)
+            self._start, self._time = now, time
         self._read, self._misses = now, pacer.misses
         return length, self._factor, misses
 
@@ -124,33 +126,47 @@ class Diagnostics:
             values[f"tiles of deck {name!r}"] = len(self._world.terrain.deck(name).tiles)
             values[f"age of deck {name!r} [s]"] = f"{old:.3f}"
         values["publishers"] = sources
+        unheard = self._unheard()
         if session.last_map_time is None:
-            return DiagnosticStatus.WARN, self._no_map(), values
+            if self._world.terrain.empty:
+                return DiagnosticStatus.WARN, f"no map yet: {unheard}" if unheard else "no map yet", values
+            return DiagnosticStatus.OK, "the ground of a restored state", values
         age = session.clock.steady() - session.last_map_time
         values["age [s]"] = f"{age:.3f}"
         text = f"the last map is {age:.1f} s old"
         if silent := [name for name, old in ages.items() if old > STALE]:
             return DiagnosticStatus.WARN, f"no pose comes of the decks {listed(silent)}, which rest", values
+        waiting = [entry.deck for entry in session.settings.decks if entry.deck not in self._world.terrain.decks]
+        if self._world.terrain.empty and not waiting:
+            return DiagnosticStatus.WARN, "no map any more: the last one was removed", values
         # A single map may be static terrain; after several maps, more are expected.
         if age > STALE and not sources and session.maps.total() > 1:
             return DiagnosticStatus.WARN, f"{text}, and nobody publishes maps any more", values
         if session.map_warning:
             return DiagnosticStatus.WARN, session.map_warning, values
+        if unheard:
+            return DiagnosticStatus.WARN, unheard, values
+        if waiting:
+            words = f"no ground yet: the decks {listed(waiting)}, of whose frame, topic or body no pose came"
+            return DiagnosticStatus.WARN, words, values
         if age > STALE:
             return DiagnosticStatus.OK, text, values
         return DiagnosticStatus.OK, "maps arrive", values
 
-    def _no_map(self) -> str:
-        """Return that there is no map yet, and why, if that may be known; log why once it lasts `PATIENCE`."""
+    def _unheard(self) -> str:
+        """Return why the map of a latched publisher may be missed, empty if none may; log it once it lasts
+        `PATIENCE`."""
         session, now = self._session, self._session.clock.steady()
-        unheard = unheard_latched(session.node, session.terrain_subscriptions)
+        silent = [end for end in session.terrain_subscriptions if end.topic_name not in session.heard]
+        unheard = unheard_latched(session.node, silent)
         # A node that waits for the clock says nothing, because the publisher may wait for it, too.
         if not unheard or session.waits_for_clock:
             self._waiting_since = now
         elif now - self._waiting_since > PATIENCE and not self._told:
-            session.node.get_logger().warning(f"no map yet: {unheard}")
+            start = "no map yet: " if self._world.terrain.empty else ""
+            session.node.get_logger().warning(f"{start}{unheard}")
             self._told = True
-        return f"no map yet: {unheard}" if unheard else "no map yet"
+        return unheard
 
     def _bodies(self) -> tuple[bytes, str, dict[str, Any]]:
         world, peers = self._world, self._peers.summaries()
@@ -185,7 +201,15 @@ class Diagnostics:
             return DiagnosticStatus.WARN, f"no ground yet where they start: {listed(waiting)}", values
         if silent := self._peers.silent():
             return DiagnosticStatus.WARN, f"not heard: {', '.join(silent)}", values
+        if missing := self._missing():
+            return DiagnosticStatus.WARN, f"no such body: {listed(missing)}", values
         return DiagnosticStatus.OK, f"{patches} patches", values
+
+    def _missing(self) -> list[str]:
+        """Return the bodies that outputs and bases name, and that are not there and do not wait for ground."""
+        settings, there = self._session.settings, {*self._world.bodies, *self._waiting()}
+        named = {name: getattr(settings, name) for name in ("height_scans", "ground_maps", "imus", "bases")}
+        return [f"{entry.body} of {name}" for name, of in named.items() for entry in of if entry.body not in there]
 
     def _physics(self) -> tuple[bytes, str, dict[str, Any]]:
         session = self._session

@@ -84,6 +84,10 @@ class StampClock:
         """Steady age of the stamps on arrival, on this node's clock [s]; None without stamps."""
         return None if self._last is None else self._last.measured
 
+    def is_foreign(self, *, ahead: bool) -> bool:
+        """Return True if the stamps are on a clock that is ``ahead`` of this node's, or else on one that is behind."""
+        return self._last is not None and not self._last.own and (self._last.measured <= 0.0) == ahead
+
     def is_overtaken(self, stamp: float | None, clock_now: float, most: float) -> bool:
         """Return True if a stamp that arrives at ``clock_now`` [s] is older than the last one of the same clock by up
         to ``most`` [s], because messages were reordered."""

@@ -26,12 +26,13 @@ FOREVER = QosTime(9223372036, 854775807)
 
 class McapFile:
     """A new file at ``path``, which is there after the block, unless that raises. ``counts``: of its messages by topic.
-    Raises `InputError` if there is something else than a file, or if it cannot be written."""
+    Raises `InputError` if there is something else than a file, or, at the end of the block, if it cannot be written."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.counts: Counter[str] = Counter()
         self._connections: dict[str, Any] = {}
+        self._failure: OSError | None = None
 
     def __enter__(self) -> McapFile:
         if self.path.exists() and not self.path.is_file():  # a device, too, would be replaced
@@ -49,6 +50,8 @@ class McapFile:
 
     def __exit__(self, raised: type[BaseException] | None, *_: object) -> None:
         with self._naming(), self._folder:
+            if self._failure is not None:
+                raise self._failure
             self._writer.close()
             if raised is None:
                 self._file.replace(self.path)
@@ -65,13 +68,17 @@ class McapFile:
         self._writer.set_custom_data(key, value)
 
     def write(self, publisher: Publisher, time: float, data: bytes) -> None:
-        """Write the bytes of an output's message, published at ``time`` [s]."""
+        """Write the bytes of an output's message, published at ``time`` [s]. Raises `OSError` if that fails, which ends
+        a replay; the collider would count an `InputError`, and go on."""
         topic = publisher.topic_name
         if topic not in self._connections:
             self._connections[topic] = add_topic(self._writer, topic, type_of(publisher.kind), [_qos(publisher)])
         self.counts[topic] += 1
-        with self._naming():
+        try:
             self._writer.write(self._connections[topic], round(time * 1e9), data)
+        except OSError as error:
+            self._failure = error
+            raise
 
 
 def add_topic(writer: Writer, topic: str, type_name: str, qos: list[Qos]) -> Any:

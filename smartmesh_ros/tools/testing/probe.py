@@ -223,7 +223,7 @@ class Probe:
             # while the executor asks for reports. Tasks wait behind the news of the client.
             self.wait_for(self._executor.create_task(lambda: None).done)
         with self._naming(f"{type_of(kind)} service", service, self.node.get_service_names_and_types):
-            self.wait_for(self._services[key].service_is_ready)
+            self.wait_for(self._services[key].service_is_ready, watch=self._newest_collider)
         return self._services[key]
 
     @contextmanager
@@ -242,10 +242,15 @@ class Probe:
 
     def call(self, service: str, kind: Any, **fields: Any) -> Any:
         """Call a service (below the collider's name, or a full name); return its response. Raises `AssertionError` if
-        the request has no field of a name or type."""
+        the request has no field of a name or type, or if the newest collider of `running` ended."""
         future = self.client(service, kind).call_async(kind.Request(check_fields=True, **fields))
-        self.wait_for(future.done)
+        self.wait_for(future.done, watch=self._newest_collider)
         return future.result()
+
+    @property
+    def _newest_collider(self) -> Process | None:
+        """The newest collider in a block of `running`; None if there is none."""
+        return next((one for one in reversed(self._processes) if one.name == "terrain_collider"), None)
 
     def publish_map(self, heights: ArrayLike, **options: Any) -> msg.Heightmap:
         """Publish a map of heights (rows, columns) [m] and return its message; options as of `heightmap_message`."""
