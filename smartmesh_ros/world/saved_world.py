@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import pybullet as pb
 
-from smartmesh_ros.errors import checked_count, counted, require
+from smartmesh_ros.errors import checked_count, counted
 from smartmesh_ros.ground.bullet import undone
 from smartmesh_ros.ground.shapes import Hull
 from smartmesh_ros.terrain import state_file
@@ -21,7 +21,7 @@ from smartmesh_ros.world.joints import JointCommand
 from smartmesh_ros.world.population import Population
 from smartmesh_ros.world.robots.prepared import PreparedRobot, prepare_robot
 from smartmesh_ros.world.settings import WorldConfig
-from smartmesh_ros.world.snapshot import KIND, BodySnapshot, Snapshot, WorldState
+from smartmesh_ros.world.snapshot import KIND, BodySnapshot, Snapshot, WorldState, checked_extra
 
 Source = bytes | str | os.PathLike[str]
 
@@ -99,11 +99,11 @@ class SavedWorld(Population):
         its motion, corrections, materials and decks, the soil, the settings and the time. Not in it are remote bodies,
         which their owners send again, and what was set through ``client``. This world is rebuilt from the state, so
         that it goes on to the last bit as any that is restored from it: both start without the impulses of the contacts
-        before, and what slept wakes, and sleeps again after a few steps. Raises `InputError` if the file cannot be
-        written, or ``extra`` is no dict.
+        before, and what slept wakes, and sleeps again after a few steps. ``extra``: a dict of numbers, texts, arrays,
+        lists, tuples and dicts, which the state has, too. Raises `InputError`, and writes nothing, if ``extra`` is
+        none, or the file cannot be written.
         """
-        require(extra is None or isinstance(extra, dict), "state", "the extra state", extra, "a dict, or None")
-        data = self._saved(extra)
+        data = self._saved(checked_extra(extra))
         if file is not None:
             state_file.write(data, file)
         self.restore(data)

@@ -11,6 +11,7 @@ import hashlib
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from smartmesh_ros.errors import require
 from smartmesh_ros.ground.config import PhysicsConfig, SleepConfig
 from smartmesh_ros.ground.followers import Belt
 from smartmesh_ros.ground.quaternions import rounded
@@ -102,3 +103,17 @@ _MADE: tuple[type, ...] = (
     *(SleepConfig, Snapshot, WorldConfig, WorldState, Hull, *SHAPES.values()),
 )
 _TYPES = {**STATE_TYPES, **{made.__name__: made for made in _MADE}}
+
+
+def checked_extra(extra: Any) -> dict[str, Any]:
+    """Return what the caller of `World.save` adds to a state, nothing for None. Raises `InputError` unless it is a dict
+    that a state gives back."""
+    found = {} if extra is None else extra
+    good = isinstance(found, dict)
+    try:
+        state_file.from_bytes(state_file.to_bytes(KIND, found), KIND, _TYPES)
+    except (TypeError, ValueError):
+        good = False
+    wanted = "a dict, or None; a state holds numbers, texts, arrays, lists, tuples and dicts"
+    require(good, "state", "the extra state", extra, wanted)
+    return found

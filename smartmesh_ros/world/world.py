@@ -118,7 +118,7 @@ class World(SavedWorld):
         if self.client.isConnected():
             self.client.disconnect()
         nobody: Any = NoClient("this world is closed; make another")
-        self.client = self.ground = self.falls = nobody
+        self.client = self.ground = self.falls = self.guests = nobody
         self._factory = BodyFactory(nobody, self.config.physics)
 
     def update(self) -> None:

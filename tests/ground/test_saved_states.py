@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pybullet as pb
@@ -56,6 +57,18 @@ def test_a_restored_world_goes_on_to_the_bit_here_and_in_a_new_process(scene: Sc
     )
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300).stdout
     assert told.split("digest ")[-1].strip() == digest(first)
+
+
+def test_a_restored_world_of_the_simple_broadphase_goes_on_to_the_bit(client: Any) -> None:
+    """A body that went leaves a number that no other has."""
+    client.resetSimulation(pb.RESET_USE_SIMPLE_BROADPHASE)
+    scene = Scene(client)
+    scene.run(20)
+    client.removeBody(scene.bodies.pop(3))
+    data = scene.ground.save_state()
+    first = scene.run(STEPS)
+    restore(scene, data)
+    np.testing.assert_array_equal(scene.run(STEPS), first)
 
 
 def test_pybullets_own_states_stay_usable_beside_it(scene: Scene) -> None:

@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 from smartmesh_ros import BodyState, HeightMap, InputError, PhysicsConfig, Soil, World, WorldConfig
 from smartmesh_ros.ground.shapes import Box, Cylinder, Sphere
 from smartmesh_ros.terrain import state_file
+from smartmesh_ros.world.snapshot import WorldState
 from tests.bodies import LYING
 from tests.examples import examples
 from tests.grounds import level, on_soil, terrain_of
@@ -163,6 +164,18 @@ def test_a_file_that_cannot_be_read_or_written_changes_nothing(world: World, tmp
             world.save(tmp_path / name)
     assert {path.name: path.is_file() for path in tmp_path.iterdir()} == {"folder": False, "pipe": False}
     assert world.state_bytes() == before
+
+
+@pytest.mark.parametrize("extra", [np.random.default_rng(1), {(1, 2): 3}, 1j, {1}, np.array([None])])
+def test_what_no_state_gives_back_is_refused_and_the_file_stays(world: World, extra: Any, tmp_path: Path) -> None:
+    """A generator of random numbers has a dict that a state takes."""
+    file, random = tmp_path / "state.npz", np.random.default_rng(1)
+    data = world.save(file, extra={"random": random.bit_generator.state})
+    assert WorldState.from_bytes(data).extra == {"random": random.bit_generator.state}
+    before = world.snapshot()
+    with pytest.raises(InputError, match=r"the extra state is .*; it must be a dict"):
+        world.save(file, extra={"it": extra})
+    assert file.read_bytes() == data and world.snapshot() == before
 
 
 def test_a_state_is_the_whole_and_lies_in_place(tmp_path: Path) -> None:

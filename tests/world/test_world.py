@@ -130,8 +130,11 @@ def test_bodies_that_pybullet_does_not_reset_are_counted(count: int, words: str)
             world.reset()
 
 
-def test_a_closed_world_says_that_it_is_closed() -> None:
-    world = World(level(11))
+def test_a_closed_world_says_that_it_is_closed_and_leaves_the_time_of_its_ground() -> None:
+    ground = level(11)
+    world = World(ground)
+    world.step(24)
+    ground.replace(ground.heights, time=world.time)
     world.spawn("ball", Sphere(0.2), 1.0)
     world.track("tracked", 0.2, BodyState((1.0, 1.0, 1.0)))
     world.close()
@@ -140,10 +143,11 @@ def test_a_closed_world_says_that_it_is_closed() -> None:
         world.step, world.update, world.contacts, world.patches, world.save, partial(world.state, "ball"),
         partial(world.spawn, "other", Sphere(0.2), 1.0), partial(world.spawn_robot, "rover", urdfs.ROVER),
         partial(world.track, "tracked", 0.2, BodyState()), partial(world.move, "ball", BodyState()),
-        partial(world.remove, "ball"),
+        partial(world.remove, "ball"), world.reset, partial(world.reset, 1), world.reset_time, world.clear,
     ):  # fmt: skip
         with pytest.raises(InputError, match="this world is closed; make another"):
             ask()
+    assert ground.time == pytest.approx(0.1)
 
 
 def test_a_tracked_body_that_is_not_heard_of_goes_no_farther(world: World) -> None:

@@ -38,11 +38,13 @@ void renew_broadphase(btDiscreteDynamicsWorld& world) {
     btBroadphaseProxy* proxy = objects[k]->getBroadphaseHandle();
     if (proxy == nullptr) continue;
     known.push_back({objects[k], proxy->m_uniqueId, proxy->m_collisionFilterGroup, proxy->m_collisionFilterMask});
-    broadphase.destroyProxy(proxy, dispatcher);
   }
-  broadphase.resetPool(dispatcher);
   std::sort(known.begin(), known.end(), [](const Known& a, const Known& b) { return a.number < b.number; });
-  // Objects keep their numbers, by which PyBullet's own saved states know them; Bullet gives one after the other.
+  // Objects keep their numbers, by which PyBullet's own saved states know them. Bullet's broadphase gives one number
+  // after the other; its simple one gives the number that was freed last.
+  for (auto it = known.rbegin(); it != known.rend(); ++it)
+    broadphase.destroyProxy(it->object->getBroadphaseHandle(), dispatcher);
+  broadphase.resetPool(dispatcher);
   int number = 0;
   for (const Known& it : known) {
     while (++number < it.number) broadphase.destroyProxy(new_proxy(world, 0, nullptr, 0, 0), dispatcher);
