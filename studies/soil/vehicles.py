@@ -69,12 +69,17 @@ class Drive(NamedTuple):
     worst: float
 
 
-def drive(cart: Cart, soil: SoilType | str, *, speed: float = 0.3, seconds: float = 6.0, grid: float = 0.02) -> Drive:
-    """Drive a cart straight ahead with rims that turn at a ``speed`` [m/s]; the second half of the time counts."""
-    shape = (round(2.0 * cart.track / grid) + 20, round((speed * seconds + 3.0 * cart.base) / grid) + 20)
-    with World(HeightMap(np.zeros(shape), resolution=grid)) as world:
-        place = (cart.base, 0.503 * grid * (shape[0] - 1), cart.radius + BELOW)
-        world.spawn_robot("cart", cart.urdf, BodyState(place))
+def drive(
+    cart: Cart, soil: SoilType | str, *, speed: float = 0.3, seconds: float = 6.0, grid: float = 0.02,
+    heading: float = 0.0,
+) -> Drive:  # fmt: skip
+    """Drive a cart straight ahead with rims that turn at a ``speed`` [m/s]; the second half of the time counts.
+    ``heading`` [rad]: from the map's columns."""
+    side, ahead = round((speed * seconds + 3.0 * cart.base) / grid) + 20, (math.cos(heading), math.sin(heading))
+    with World(HeightMap(np.zeros((side, side)), resolution=grid)) as world:
+        x, y = 0.503 * grid * (side - 1) - 0.5 * speed * seconds * np.array(ahead)
+        turn = (0.0, 0.0, math.sin(0.5 * heading), math.cos(0.5 * heading))
+        world.spawn_robot("cart", cart.urdf, BodyState((x, y, cart.radius + BELOW), turn))
         world.ground.set_soil(Soil(world.terrain, soil, spacing=0.01))
         steps = round(seconds / world.dt)
         forces, ways = [], []
@@ -83,7 +88,7 @@ def drive(cart: Cart, soil: SoilType | str, *, speed: float = 0.3, seconds: floa
             for name in WHEELS:
                 world.drive("cart", f"{name}_axle", share * speed / cart.radius, 20.0 * GRAVITY * cart.mass)
             world.step()
-            ways.append(world.state("cart").position[0])
+            ways.append(np.dot(world.state("cart").position[:2], ahead))
             if step >= steps // 2:
                 forces.append(dict.fromkeys((f"cart/{name}" for name in WHEELS), 0.0))
                 for contact in world.contacts():

@@ -131,6 +131,16 @@ def test_soil_gives_no_energy_to_what_is_thrown_onto_it_anyhow(shape: Shape, soi
             assert most_gained(world, "body", round(0.6 * rate)) < 0.03 * MASS
 
 
+@pytest.mark.parametrize("rate", [60.0, 240.0, 960.0])
+def test_a_thin_plate_that_cuts_into_the_soil_is_not_lifted_out_of_it(rate: float) -> None:
+    """Its middle is below soil that it has not pressed. As in all ground that gives, a part of it is above."""
+    turn, spin = (-0.016, 0.307, -0.786, 0.537), (5.492, -5.577, -7.328)
+    with world_on("clay", -0.25 * ALONG, rate=rate) as world:
+        world.spawn("plate", Box(0.4, 0.3, 0.02), MASS, BodyState((1.8, 2.0, 0.45), turn, (2.792, 0.0, -2.919), spin))
+        assert most_gained(world, "plate", round(0.6 * rate)) < 0.03 * MASS
+        assert world.rescues == 0
+
+
 @pytest.mark.parametrize("step", [0.0, 0.06, 0.126])
 @pytest.mark.parametrize("soil", ["lunar", "sandy_loam", "clay", "dry_sand"])
 def test_soil_gives_no_energy_to_a_box_that_tumbles(soil: str, step: float) -> None:

@@ -1,5 +1,6 @@
 """Soil whose law is that of contacts: laws of plates, wheels and carts in PyBullet."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from smartmesh_ros.ground.shapes import Shape
 from smartmesh_ros.soil.config import soil_named
 from studies.soil.trials import Wheel, free_slip, modulus_of, plate_sinkage, undamped, wheel_forces
 from studies.soil.vehicles import BELOW, WARTHOG, Cart, drive, roll
+from tests.bodies import about_z
 from tests.grounds import on_soil, step_on_moving
 from tests.soil.test_soil_world import world_on
 
@@ -75,23 +77,29 @@ def test_a_post_on_its_end_comes_to_bekkers_depth_with_its_radius_as_the_width()
 
 
 @pytest.mark.parametrize(
-    ("length", "width", "share"), [(0.4, 0.4, 0.3), (0.4, 0.4, 0.7), (1.2, 0.15, 0.5), (0.15, 1.2, 0.5)]
-)
-def test_a_belt_that_pulls_slips_by_janosis_law_of_its_own_length(length: float, width: float, share: float) -> None:
+    ("length", "width", "heading", "share"),
+    [(0.4, 0.4, 0.0, 0.3), (0.4, 0.4, 0.0, 0.7), (1.2, 0.15, 0.0, 0.5), (0.15, 1.2, 0.0, 0.5), (0.3, 0.05, 0.0, 0.5),
+     (0.3, 0.05, 0.35, 0.5)],
+)  # fmt: skip
+def test_a_belt_that_pulls_slips_by_janosis_law_of_its_own_length(
+    length: float, width: float, heading: float, share: float
+) -> None:
     """By that ``share`` of the strength of the soil. With a slip i, a belt of a length L shears it by i L / 2 in the
     mean."""
     known, speed, mass = soil_named("lete_sand"), 0.2, 80.0
     strength = length * width * known.Mohr_cohesion + mass * 9.81 * np.tan(np.radians(known.Mohr_friction))
+    ahead = np.array([math.cos(heading), math.sin(heading), 0.0])
     with world_on(known) as world:
-        world.spawn("belt", Box(length, width, 0.1), mass, BodyState((1.0, 1.503, 0.05)))
+        world.spawn("belt", Box(length, width, 0.1), mass, BodyState((1.0, 1.503, 0.05), about_z(heading)))
         world.drive_surface("belt", "", speed)
         places = []
         for step in range(1200):
-            x, y, z = world.state("belt").position
-            pull, at = share * strength * min(step / 480.0, 1.0), (x, y, z - 0.05)
-            world.client.applyExternalForce(world.bodies["belt"].uid, -1, (-pull, 0.0, 0.0), at, pb.WORLD_FRAME)
+            place = np.array(world.state("belt").position)
+            pull = share * strength * min(step / 480.0, 1.0)
+            uid, at = world.bodies["belt"].uid, place - (0.0, 0.0, 0.05)
+            world.client.applyExternalForce(uid, -1, (-pull * ahead).tolist(), at.tolist(), pb.WORLD_FRAME)
             world.step()
-            places.append(x)
+            places.append(place @ ahead)
     slip = 1.0 - (places[-1] - places[-481]) / (speed * 2.0)
     assert slip == pytest.approx(-2.0 * known.Janosi_shear / length * np.log(1.0 - share), rel=0.08)
 
@@ -206,6 +214,13 @@ def test_a_cart_slips_as_the_integrals_say_and_its_wheels_stay_loaded(
     assert found.slip == pytest.approx(free_slip(known, cart.wheel), abs=error)
     assert found.unloaded < 0.01
     assert found.worst < 2.0
+
+
+@pytest.mark.parametrize(("soil", "grid"), [("dry_sand", 0.02), ("dry_sand", 0.1), ("lunar", 0.05)])
+def test_a_cart_slips_alike_at_every_heading(soil: str, grid: float) -> None:
+    known = undamped(soil_named(soil))
+    slips = [drive(Cart(), known, seconds=4.0, grid=grid, heading=math.radians(turn)).slip for turn in (0, 10, 30, 45)]
+    assert slips == pytest.approx([free_slip(known, Cart().wheel)] * 4, abs=0.017)
 
 
 @pytest.mark.parametrize(

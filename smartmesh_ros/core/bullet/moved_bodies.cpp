@@ -100,10 +100,11 @@ GroundPoint ground_above_all_parts(const Instant& now, const Slot& it, GroundRea
     if (ground.height > highest.height) highest = ground;
   }
   const BodyPose at = body_pose(it.object->getWorldTransform());
-  if (now.terrain->has_material() && -it.body_shape->lowest(at, {0.0, 0.0, -1.0}) > highest.height &&
-      now.terrain->material(at.at.x, at.at.y, now.time).gives())
-    return NO_GROUND;
-  return highest;
+  const auto gives = [&] {
+    return (now.soil != nullptr && now.soil->has(at.at, now.time)) ||
+           (now.terrain->has_material() && now.terrain->material(at.at.x, at.at.y, now.time).gives());
+  };
+  return -it.body_shape->lowest(at, {0.0, 0.0, -1.0}) > highest.height && gives() ? NO_GROUND : highest;
 }
 
 // Returns true if PyBullet's groups and masks, or a filter of the pair, keep two objects apart.

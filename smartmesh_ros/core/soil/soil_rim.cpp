@@ -24,6 +24,26 @@ Vec3 sheared_on(const Vec3& before, const Vec3& way, double modulus) {
   return size > 0.0 ? after * (std::min(sheared + further, -modulus * std::log1p(-size)) / size) : Vec3{};
 }
 
+// Where a contact begins and ends along a direction, from the middle of a part [m].
+struct Stretch {
+  double from, to;
+};
+
+// Returns the stretch of a contact along a direction: that of a rectangle with the second moment of its cells. The
+// outermost cells of a contact askew to the grid stand out of it by more than those of one along the grid.
+Stretch stretch_along(const Vec3& direction, const PointsInSoil& points) {
+  const double count = static_cast<double>(points.offsets.size()), half_cell = 0.5 * points.spacing;
+  double middle = 0.0, moment = half_cell * half_cell / 3.0, from = INFINITE, to = -INFINITE;
+  for (const Vec3& offset : points.offsets) middle += dot(offset, direction) / count;
+  for (const Vec3& offset : points.offsets) {
+    const double place = dot(offset, direction);
+    moment += (place - middle) * (place - middle) / count;
+    from = std::min(from, place - half_cell), to = std::max(to, place + half_cell);
+  }
+  const double half = std::sqrt(3.0 * moment);
+  return {std::max(from, middle - half), std::min(to, middle + half)};
+}
+
 }  // namespace
 
 double ShearedRim::at(const Solid& solid, const Vec3& offset, double away) const {
@@ -84,27 +104,19 @@ void ShearedRim::slide_all(const MovingSolid& moving, const PointsInSoil& points
   const Vec3 passing = is_ball ? cross(moving.angular, normal) * moving.solid.shape->rounding : moving.surface;
   const double speed = norm(passing);
   if (!(speed > 0.0)) return;
-  const Vec3 across = cross(normal, passing * (1.0 / speed));
-  double left = INFINITE, right = -INFINITE;
-  for (const Vec3& offset : points.offsets)
-    left = std::min(left, dot(offset, across)), right = std::max(right, dot(offset, across));
-  const double length = count * points.spacing * points.spacing / (right - left + points.spacing);
+  const auto [from, to] = stretch_along(passing * (1.0 / speed), points);
   // The mean displacement of a surface that shears the soil from the edge of the contact on is half that at its end.
-  const double stays = std::exp(-2.0 * speed * dt / length);
+  const double stays = std::exp(-2.0 * speed * dt / (to - from));
   slide.around *= stays, slide.along *= stays, slide.turned *= stays;
 }
 
 void ShearedRim::slide_places(const MovingSolid& moving, const PointsInSoil& points, double dt) {
   const Solid& solid = moving.solid;
   const Vec3 axis = solid.axes.row[2], down = unit(Vec3{0.0, 0.0, -1.0} + axis * axis.z), ahead = cross(axis, down);
-  const auto angle_of = [&](const Vec3& out) { return std::atan2(dot(out, ahead), dot(out, down)); };
-  double first = TURN, last = -TURN, radius = 0.0;
-  for (const Vec3& offset : points.offsets) {
-    const double angle = angle_of(offset);
-    first = std::min(first, angle), last = std::max(last, angle);
-    radius = std::max(radius, norm(perpendicular(offset, axis)));
-  }
-  first -= 0.5 * points.spacing / radius, last += 0.5 * points.spacing / radius;
+  double radius = 0.0;
+  for (const Vec3& offset : points.offsets) radius = std::max(radius, norm(perpendicular(offset, axis)));
+  const auto [from, to] = stretch_along(ahead, points);
+  const double first = std::asin(std::max(from / radius, -1.0)), last = std::asin(std::min(to / radius, 1.0));
   const double lowest = std::atan2(dot(solid.axes.row[1], down), dot(solid.axes.row[0], down));  // in the part's frame
   for (int k = 0; k < PLACES; ++k) {
     const double own = (k + 0.5) / PLACES * TURN, beyond = own - lowest;
