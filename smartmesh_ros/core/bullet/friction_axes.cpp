@@ -12,6 +12,10 @@ namespace smartmesh {
 
 namespace {
 
+// Share of the most friction below which a contact holds. Solvers reach all of it within rounding; that of soil changes
+// from step to step.
+constexpr double MOST_HELD = 0.9;
+
 using Row = btMultiBodySolverConstraint;
 using Data = btMultiBodyJacobianData;
 
@@ -56,8 +60,16 @@ double response(const Data& data, const Row& row) {
   return a + b;
 }
 
+// Returns true if friction held a contact in the last step, with less than its most.
+bool holds(const btManifoldPoint& point) {
+  const double held = std::hypot(point.m_appliedImpulseLateral1, point.m_appliedImpulseLateral2);
+  return held < MOST_HELD * point.m_combinedFriction * point.m_appliedImpulse;
+}
+
+// Returns the speed that a row without impulses would leave [m/s].
+double speed_of(const Row& row) { return row.m_jacDiagABInv > 0.0 ? row.m_rhs / row.m_jacDiagABInv : 0.0; }
+
 void turn_rows(const Turn& turn, Row& one, Row& other, Data& data, const btContactSolverInfo& solver) {
-  const auto speed_of = [](const Row& row) { return row.m_jacDiagABInv > 0.0 ? row.m_rhs / row.m_jacDiagABInv : 0.0; };
   double speed = speed_of(one), other_speed = speed_of(other);
   turn.of(speed, other_speed);
   for (auto* values : {&data.m_jacobians, &data.m_deltaVelocitiesUnitImpulse}) {
@@ -80,12 +92,6 @@ void turn_rows(const Turn& turn, Row& one, Row& other, Data& data, const btConta
 
 }  // namespace
 
-// Bullet's solver for robots does not read the motion of a contact.
-void tell_axis(const btVector3& along, btManifoldPoint& point) {
-  point.m_contactMotion1 = along.dot(point.m_lateralFrictionDir1);
-  point.m_contactMotion2 = along.dot(point.m_lateralFrictionDir2);
-}
-
 FrictionAxes* FrictionAxes::enter(btCollisionObject& link, btDiscreteDynamicsWorld& world) {
   const auto* collider = btMultiBodyLinkCollider::upcast(&link);
   if (collider == nullptr) return nullptr;
@@ -106,12 +112,13 @@ void FrictionAxes::createConstraintRows(btMultiBodyConstraintArray&, btMultiBody
   if (!(solver.m_solverMode & SOLVER_USE_2_FRICTION_DIRECTIONS)) return;
   btMultiBodyConstraintArray& rows = static_cast<Solver&>(*world_.getConstraintSolver()).friction();
   for (int k = 0; k + 1 < rows.size(); ++k) {
+    if (rows[k].m_multiBodyA != m_bodyA && rows[k].m_multiBodyB != m_bodyA) continue;
     if (rows[k].m_originalContactPoint != rows[k + 1].m_originalContactPoint) continue;
     btManifoldPoint& point = *static_cast<btManifoldPoint*>(rows[k].m_originalContactPoint);
-    const double along = std::hypot(point.m_contactMotion1, point.m_contactMotion2);
-    if (!(along > 0.0)) continue;
-    const Turn turn{point.m_contactMotion1 / along, point.m_contactMotion2 / along};
-    point.m_contactMotion1 = point.m_contactMotion2 = 0.0;  // other robots in the same island ask again
+    if (holds(point)) continue;
+    const double one = speed_of(rows[k]), other = speed_of(rows[k + 1]), speed = std::hypot(one, other);
+    if (!(speed > 0.0)) continue;
+    const Turn turn{one / speed, other / speed};
     turn.of(point.m_lateralFrictionDir1, point.m_lateralFrictionDir2);
     turn_rows(turn, rows[k], rows[k + 1], data, solver);
   }
