@@ -88,6 +88,39 @@ def test_what_slides_on_a_robot_is_braked_against_its_slip(
     assert (slows @ way, slows @ aside) == pytest.approx((-mu, 0.0), abs=3e-3 * mu)
 
 
+RESISTS = '<contact><rolling_friction value="0.01"/></contact>'
+PLACES = {
+    "front_left": (0.3, 0.25),
+    "front_right": (0.3, -0.25),
+    "rear_left": (-0.3, 0.25),
+    "rear_right": (-0.3, -0.25),
+}
+WHEEL = '<cylinder radius="0.15" length="0.08"/>'
+CART = urdfs.robot(
+    urdfs.link("body", urdfs.box((0.6, 0.3, 0.1)), 20.0, (0.6, 0.3, 0.1)),
+    *(urdfs.link(f"{name}_wheel", WHEEL, 1.0, 0.01, RESISTS, rpy="1.5707963 0 0") for name in PLACES),
+    *(urdfs.joint(at, "continuous", "body", f"{at}_wheel", xyz=f"{x} {y} -0.05") for at, (x, y) in PLACES.items()),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("heading", HEADINGS)
+def test_a_cart_that_rolls_freely_is_braked_by_its_friction_against_rolling(heading: float) -> None:
+    """Whose torque on each wheel is 0.01 m times its load."""
+    turn, radius = math.radians(heading), 0.15
+    way, aside = np.array([math.cos(turn), math.sin(turn), 0.0]), np.array([-math.sin(turn), math.cos(turn), 0.0])
+    with world_of(level(101), friction=1.0, sleep=False) as world:
+        world.spawn_robot("cart", CART, BodyState((0.0, 0.0, 0.2), about_z(turn), tuple(way)), on_ground=True)
+        cart = world.bodies["cart"]
+        for joint in cart.joints.values():
+            world.client.resetJointState(cart.uid, joint, 0.0, 1.0 / radius)
+        world.step(24)
+        before = np.array(world.state("cart").linear)
+        world.step(240)
+        slows = world.state("cart").linear - before
+    law = 0.01 / radius * 24.0 * 9.81 / (24.0 + 4.0 * 0.01 / radius**2)
+    assert (slows @ way, slows @ aside) == pytest.approx((-law, 0.0), abs=0.005 * law)
+
+
 @pytest.mark.parametrize("heading", HEADINGS)
 def test_a_robot_on_soil_drives_straight_ahead(heading: float) -> None:
     """Within 0.5 % of its way."""
