@@ -137,8 +137,9 @@ class Population(Driving):
             self._remove(name)
 
     def move(self, name: str, state: BodyState) -> None:
-        """Set the state of a simulated body's centre of mass; a robot's joints stay as they are. A robot whose base is
-        fixed takes no velocity. Raises `InputError` if the body is not simulated, or the state is impossible."""
+        """Set the state of a simulated body's centre of mass, turned as `state` tells it; a robot's joints stay as they
+        are. A robot whose base is fixed takes no velocity. Raises `InputError` if the body is not simulated, or the
+        state is impossible."""
         body = self._own_body(name)
         require_possible(name, state)
         if body.tracked:
