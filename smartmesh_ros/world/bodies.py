@@ -18,7 +18,7 @@ from smartmesh_ros.ground.config import PhysicsConfig
 from smartmesh_ros.ground.limits import FASTEST_SPIN, MASSES, require_between
 from smartmesh_ros.ground.shapes import Box, Cylinder, Hull, Shape, Solid, Sphere, box_around
 from smartmesh_ros.ground.state import BodyState
-from smartmesh_ros.ground.transform import IDENTITY, Transform
+from smartmesh_ros.ground.transform import IDENTITY, Transform, fixed_to
 from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.joints import JointCommand, command_joint
 from smartmesh_ros.world.link_frames import LinkFrames
@@ -164,12 +164,13 @@ class BodyFactory:
         return body
 
     def robot(self, name: str, robot: PreparedRobot, state: BodyState, material: BodyMaterial | None = None) -> Body:
-        """Load a robot, whose joints turn freely. Links without ``<contact>`` have the configured friction and
+        """Load a robot, whose joints turn freely, with the centre of mass of its root link in a ``state`` whose
+        orientation is that of the link's frame. Links without ``<contact>`` have the configured friction and
         restitution or the given ones. Raises `InputError`, and adds nothing, if the robot is refused."""
         uid = load_robot(self._client, robot, URDF_FLAGS)
         with undone(lambda: self._client.removeBody(uid)):
             body = self._robot(name, uid, robot)
-            body.initial = state
+            body.initial = fixed_to(state, Transform(rotation=body.inertial.rotation))
             body.friction, body.restitution = material or BodyMaterial(self.config.friction, self.config.restitution)
             self._set_contacts(body, robot.text)
             shares = self.damp(body)
@@ -179,7 +180,7 @@ class BodyFactory:
             body.fixed = is_fixed(self._client, uid)
             self.place(body, BodyState())
             body.box = box_around(*bounds_of(self._client, body))
-            self.place(body, state)
+            self.place(body, body.initial)
         return body
 
     def _robot(self, name: str, uid: int, robot: PreparedRobot) -> Body:

@@ -17,6 +17,7 @@ from smartmesh_ros.ground.followers import Followers
 from smartmesh_ros.ground.limits import require_possible
 from smartmesh_ros.ground.shapes import Shape, Solid, Sphere
 from smartmesh_ros.ground.state import BodyState
+from smartmesh_ros.ground.transform import fixed_to
 from smartmesh_ros.terrain.surface_query import GroundSamples, checked_rays
 from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.body_rays import RayHits, cast_rays
@@ -67,7 +68,8 @@ class Population(Driving):
         align: bool = False,
     ) -> None:
         """Add a robot from a URDF file or text, with a patch for each link that has a collision shape; ``on_ground``,
-        ``clearance`` and ``align`` as of `spawn`. Raises `InputError` and adds nothing if the robot is refused.
+        ``clearance`` and ``align`` as of `spawn`. ``state``: of the centre of mass of its root link, with the
+        orientation of that link's frame. Raises `InputError` and adds nothing if the robot is refused.
 
         A robot that was prepared by `prepare_robot`, in another thread for example, is added in a few milliseconds.
         """
@@ -89,11 +91,13 @@ class Population(Driving):
         return cast_rays(self.client, self.bodies, self.ground.rays, rays, self.time, names)
 
     def replace_robot(self, name: str, urdf: str | os.PathLike[str] | PreparedRobot) -> None:
-        """Replace a robot by another at the current pose of its base; raises `InputError` and changes nothing if the
-        URDF does not load."""
+        """Replace a robot by another at the current pose of its base link's frame; raises `InputError` and changes
+        nothing if the URDF does not load."""
         old = self._own_body(name)
-        new = self._factory.robot(name, prepare_robot(urdf), self.state(name))
-        new.initial = old.initial
+        new = self._factory.robot(name, prepare_robot(urdf), BodyState())
+        new.initial = fixed_to(frame_state(old.initial, old.inertial), new.inertial)
+        with undone(lambda: self.client.removeBody(new.uid)):
+            self._factory.place(new, fixed_to(self.base_state(name), new.inertial))
         self._exchange(old, new)
 
     def track(self, name: str, shape: Solid | float, state: BodyState) -> None:
@@ -133,8 +137,9 @@ class Population(Driving):
             self._remove(name)
 
     def move(self, name: str, state: BodyState) -> None:
-        """Set the state of a simulated body's centre of mass; a robot's joints stay as they are. A robot whose base is
-        fixed takes no velocity. Raises `InputError` if the body is not simulated, or the state is impossible."""
+        """Set the state of a simulated body's centre of mass, turned as `state` tells it; a robot's joints stay as they
+        are. A robot whose base is fixed takes no velocity. Raises `InputError` if the body is not simulated, or the
+        state is impossible."""
         body = self._own_body(name)
         require_possible(name, state)
         if body.tracked:
@@ -153,7 +158,8 @@ class Population(Driving):
         return self.ground.is_asleep(self.body(name).uid)
 
     def state(self, name: str) -> BodyState:
-        """Return the state of a body's centre of mass."""
+        """Return the state of a body's centre of mass; that of a robot is turned along the principal axes of inertia of
+        its root link."""
         body = self.body(name)
         return BodyState(*self.client.getBasePositionAndOrientation(body.uid), *self.client.getBaseVelocity(body.uid))
 

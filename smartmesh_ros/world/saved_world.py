@@ -241,7 +241,9 @@ class SavedWorld(Population):
         for body in snapshot.bodies:
             material = BodyMaterial(body.friction, body.restitution)
             if body.name in robots:
-                self._add(self._factory.robot(body.name, robots[body.name], body.state, material))
+                robot = self._factory.robot(body.name, robots[body.name], body.state, material)
+                self._factory.move(robot, body.state)  # as PyBullet turns it: along the principal axes
+                self._add(robot)
             elif body.tracked:
                 self.track(body.name, body.shape or body.radius, body.state)
             elif body.shape is not None and not isinstance(body.shape, Hull):

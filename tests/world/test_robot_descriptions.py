@@ -48,6 +48,13 @@ BROKEN = {
     "a shape of no kind": (robot(link("a", '<cone radius="1"/>')), "<cone>"),
     "a collision without geometry": (robot(link("a", "")[:-7] + "<collision/></link>"), "nothing"),
     "a mass that is no number": (robot(A.replace('value="1.0"', 'value="heavy"')), "mass"),
+    "an inertia of two moments": (robot(A.replace('ixx="0.02" ', "")), "ixx of .*inertia of link 'a'"),
+    "numbers without spaces": (
+        robot(A, B, joint("ab", "fixed", "a", "b", xyz="0,0,0.3")), "origin of joint 'ab' is '0,0,0.3'.*with spaces",
+    ),
+    "an axis of two numbers": (robot(A, B, hinge(axis="0 1")), "xyz of the axis of joint 'ab' is '0 1'.*3 numbers"),
+    "a mesh of no package": (robot(link("a", mesh("package:///meshes/a.stl"))), "names no package.*package://<package>"),
+    "a mesh found by Xacro": (robot(link("a", mesh("$(find r)/a.stl"))), r"Xacro \('\$\(find r\)/a.stl'\)"),
     "no inertia": (robot('<link name="a"><inertial><mass value="1"/></inertial></link>'), "<inertia"),
     "no shape": (robot(link("a", "")), "no collision shape"),
     "no XML": ("<robot", "no XML"),
@@ -163,6 +170,12 @@ def positions_of(world: World) -> dict[str, float]:
     return {reading.name: reading.position for reading in world.joints("r")}
 
 
+def test_a_fixed_joint_mimics_nothing() -> None:
+    """As in a robot with a locked hand."""
+    hand = robot(A, B, C, joint("ab", "continuous", "a", "b"), joint("bc", "fixed", "b", "c", '<mimic joint="ab"/>'))
+    assert prepare_robot(hand).mimics == ()
+
+
 @pytest.mark.parametrize(
     ("kinds", "parent", "multiplier", "offset"),
     [
@@ -271,10 +284,12 @@ def test_descriptions_that_cannot_be_are_refused(folders: list[Path], text: str,
         checked_urdf(text, folders)
 
 
-def test_a_light_frame_is_accepted(folders: list[Path], world: World) -> None:
-    """NASA's Valkyrie has frames of 1e-7 kg; the robot stands as it does without the frame."""
+@pytest.mark.parametrize(("mass", "moment"), [(1e-7, 1e-9), (4.19e-15, 1.68e-27)])
+def test_a_light_frame_is_accepted(folders: list[Path], world: World, mass: float, moment: float) -> None:
+    """NASA's Valkyrie has frames of 1e-7 kg, Unitree's B2 one of 4e-15 kg; the robot stands as it does without the
+    frame."""
     text = "<!-- a comment is no entity, nor is literal text -->" + robot(
-        link("a", '<box size="0.2 0.2 0.2"/>', 1.0, 0.01), link("b", "", 1e-7, 1e-9),
+        link("a", '<box size="0.2 0.2 0.2"/>', 1.0, 0.01), link("b", "", mass, moment),
         joint("j", "fixed", "a", "b", xyz="0 0 0"), "<gazebo><![CDATA[a < b]]></gazebo>",
     )  # fmt: skip
     assert checked_urdf(text, folders) == text

@@ -126,6 +126,16 @@ def test_a_mesh_that_cannot_be_read_refuses_the_robot_by_its_name(world: World, 
     assert not world.bodies and world.client.getNumBodies() == 0
 
 
+@pytest.mark.parametrize("suffix", [".stl", ".dae", ".obj"])
+def test_a_pointer_of_git_lfs_in_the_place_of_a_mesh_is_named(world: World, tmp_path: Path, suffix: str) -> None:
+    pointer = tmp_path / f"part{suffix}"
+    pointer.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0123\nsize 4567\n")
+    with pytest.raises(
+        InputError, match=r"^collision mesh '[^']*' cannot be read: it is a pointer of Git LFS.*git lfs pull"
+    ):
+        world.spawn_robot("r", robot(link("a", mesh(pointer))))
+
+
 def test_every_object_of_an_obj_file_and_every_collision_of_a_link_is_kept(world: World, tmp_path: Path) -> None:
     other = obj_of(facets().reshape(-1, 3) + (1.0, 0.0, 0.0), first=37)
     (tmp_path / "two.obj").write_bytes(b"\n".join([b"o one", obj(), b"o two", other]))

@@ -136,3 +136,28 @@ def test_over_holes_beside_the_map_and_without_one_it_is_refused(place: tuple[fl
             with pytest.raises(InputError, match="clearance"):
                 world.spawn("body", Sphere(0.1), 1.0, BodyState((2.0, 2.0, 0.0)), on_ground=True, clearance=-1.0)
             world.spawn("body", Sphere(0.1), 1.0, BodyState((2.0, 2.0, 0.0)), on_ground=True)
+
+
+@pytest.mark.parametrize("on_ground", [False, True])
+def test_a_robot_is_turned_as_its_root_link_is_whatever_its_axes_of_inertia(on_ground: bool) -> None:
+    """At the start, in a reset and in place of another; its saved state is the same to the last bit."""
+    slab = urdfs.robot(urdfs.link("slab", urdfs.box((0.6, 0.4, 0.1)), 2.0, (0.6, 0.4, 0.1), at="0.1 0 0.05"))
+    askew = slab.replace("<inertial><origin", '<inertial><origin rpy="0.3 0.9 1.2"')
+    heading = about_z(0.7)
+    with World(hills(0.0)) as world:
+        for name, urdf in (("slab", slab), ("askew", askew)):
+            world.spawn_robot(name, urdf, BodyState((0.0, 0.0, 0.05), heading), on_ground=on_ground)
+        put = world.base_state("slab")
+        assert world.base_state("askew").orientation == pytest.approx(heading, abs=1e-9)
+        assert world.base_state("askew").position == pytest.approx(put.position, abs=1e-6)
+        world.reset()
+        assert world.base_state("askew").orientation == pytest.approx(heading, abs=1e-9)
+        saved = world.snapshot()
+        world.restore(saved)
+        assert world.snapshot() == saved
+        for urdf in (slab, askew):
+            world.replace_robot("slab", urdf)
+            for _ in range(2):
+                assert world.base_state("slab").position == pytest.approx(put.position, abs=1e-9)
+                assert world.base_state("slab").orientation == pytest.approx(heading, abs=1e-9)
+                world.reset()

@@ -7,7 +7,6 @@
 #include <BulletDynamics/Dynamics/btRigidBody.h>
 
 #include "bullet/convert.h"
-#include "bullet/friction_axes.h"
 
 namespace smartmesh {
 
@@ -72,9 +71,7 @@ void tell_slide(const Vec3& slide, const Slip& slip, const Vec3& normal, const T
   btVector3 &first = point.m_lateralFrictionDir1, &second = point.m_lateralFrictionDir2;
   btPlaneSpace1(point.m_normalWorldOnB, first, second);
   const btVector3 aim = to_bullet(slide);
-  const Vec3 along = perpendicular(slip.along, normal);
   if (btRigidBody::upcast(&touching.body) == nullptr || btRigidBody::upcast(&touching.ground) == nullptr) {
-    if (btRigidBody::upcast(&touching.body) == nullptr) tell_axis(to_bullet(along), point);
     // As if the body held on to a point of the ground that is where its own is, and which friction pulls it to in the
     // step. The way from the ground to the body has no part in that: it is not along the normal if that is turned.
     // If the ground turns, that point has another velocity than the contact: way / time + angular velocity x way = aim.
@@ -89,6 +86,7 @@ void tell_slide(const Vec3& slide, const Slip& slip, const Vec3& normal, const T
   }
   // Bullet limits friction along two directions by the same force; a shorter one makes it less. The second one is
   // across what slips.
+  const Vec3 along = perpendicular(slip.along, normal);
   if (norm2(along) > 0.0) first = to_bullet(unit(along));
   first = scaled(first, touching.body);
   second = scaled(first.cross(point.m_normalWorldOnB).normalized(), touching.body) * slip.across;

@@ -12,12 +12,17 @@ namespace smartmesh {
 
 namespace {
 
+// Share of the most friction below which a contact holds. Solvers reach all of it within rounding; that of soil changes
+// from step to step.
+constexpr double MOST_HELD = 0.9;
+
 using Row = btMultiBodySolverConstraint;
 using Data = btMultiBodyJacobianData;
 
 // The solver's rows of friction, which only derived classes may turn.
 struct Solver : btMultiBodyConstraintSolver {
   btMultiBodyConstraintArray& friction() { return m_multiBodyFrictionContactConstraints; }
+  btMultiBodyConstraintArray& rolling() { return m_multiBodyTorsionalFrictionContactConstraints; }
 };
 
 // A rotation by an angle, in the plane of two values.
@@ -56,8 +61,16 @@ double response(const Data& data, const Row& row) {
   return a + b;
 }
 
-void turn_rows(const Turn& turn, Row& one, Row& other, Data& data, const btContactSolverInfo& solver) {
-  const auto speed_of = [](const Row& row) { return row.m_jacDiagABInv > 0.0 ? row.m_rhs / row.m_jacDiagABInv : 0.0; };
+// Returns true if friction held a contact in the last step, with less than its most.
+bool holds(const btManifoldPoint& point) {
+  const double held = std::hypot(point.m_appliedImpulseLateral1, point.m_appliedImpulseLateral2);
+  return held < MOST_HELD * point.m_combinedFriction * point.m_appliedImpulse;
+}
+
+// Returns the speed that a row without impulses would leave [m/s].
+double speed_of(const Row& row) { return row.m_jacDiagABInv > 0.0 ? row.m_rhs / row.m_jacDiagABInv : 0.0; }
+
+void turn_rows(const Turn& turn, Row& one, Row& other, Data& data, double softness, double relaxation) {
   double speed = speed_of(one), other_speed = speed_of(other);
   turn.of(speed, other_speed);
   for (auto* values : {&data.m_jacobians, &data.m_deltaVelocitiesUnitImpulse}) {
@@ -70,21 +83,14 @@ void turn_rows(const Turn& turn, Row& one, Row& other, Data& data, const btConta
   if (one.m_multiBodyA == nullptr) turn.of(one.m_angularComponentA, other.m_angularComponentA);
   if (one.m_multiBodyB == nullptr) turn.of(one.m_angularComponentB, other.m_angularComponentB);
   turn.of(one.m_appliedImpulse, other.m_appliedImpulse);
-  const double softness = solver.m_frictionCFM / solver.m_timeStep;
   for (auto [row, of_row] : {std::pair(&one, speed), std::pair(&other, other_speed)}) {
     const double speeds = response(data, *row) + softness;  // Bullet leaves alone what nothing moves
-    row->m_jacDiagABInv = speeds > SIMD_EPSILON ? solver.m_sor / speeds : 0.0;
+    row->m_jacDiagABInv = speeds > SIMD_EPSILON ? relaxation / speeds : 0.0;
     row->m_rhs = of_row * row->m_jacDiagABInv, row->m_cfm = softness * row->m_jacDiagABInv;
   }
 }
 
 }  // namespace
-
-// Bullet's solver for robots does not read the motion of a contact.
-void tell_axis(const btVector3& along, btManifoldPoint& point) {
-  point.m_contactMotion1 = along.dot(point.m_lateralFrictionDir1);
-  point.m_contactMotion2 = along.dot(point.m_lateralFrictionDir2);
-}
 
 FrictionAxes* FrictionAxes::enter(btCollisionObject& link, btDiscreteDynamicsWorld& world) {
   const auto* collider = btMultiBodyLinkCollider::upcast(&link);
@@ -104,16 +110,21 @@ void FrictionAxes::leave(FrictionAxes* axes) {
 void FrictionAxes::createConstraintRows(btMultiBodyConstraintArray&, btMultiBodyJacobianData& data,
                                         const btContactSolverInfo& solver) {
   if (!(solver.m_solverMode & SOLVER_USE_2_FRICTION_DIRECTIONS)) return;
-  btMultiBodyConstraintArray& rows = static_cast<Solver&>(*world_.getConstraintSolver()).friction();
-  for (int k = 0; k + 1 < rows.size(); ++k) {
-    if (rows[k].m_originalContactPoint != rows[k + 1].m_originalContactPoint) continue;
-    btManifoldPoint& point = *static_cast<btManifoldPoint*>(rows[k].m_originalContactPoint);
-    const double along = std::hypot(point.m_contactMotion1, point.m_contactMotion2);
-    if (!(along > 0.0)) continue;
-    const Turn turn{point.m_contactMotion1 / along, point.m_contactMotion2 / along};
-    point.m_contactMotion1 = point.m_contactMotion2 = 0.0;  // other robots in the same island ask again
-    turn.of(point.m_lateralFrictionDir1, point.m_lateralFrictionDir2);
-    turn_rows(turn, rows[k], rows[k + 1], data, solver);
+  Solver& found = static_cast<Solver&>(*world_.getConstraintSolver());
+  for (const bool slides : {true, false}) {
+    btMultiBodyConstraintArray& rows = slides ? found.friction() : found.rolling();
+    const double softness = slides ? solver.m_frictionCFM / solver.m_timeStep : solver.m_globalCfm;
+    for (int k = 0; k + 1 < rows.size(); ++k) {
+      if (rows[k].m_multiBodyA != m_bodyA && rows[k].m_multiBodyB != m_bodyA) continue;
+      if (rows[k].m_originalContactPoint != rows[k + 1].m_originalContactPoint) continue;
+      btManifoldPoint& point = *static_cast<btManifoldPoint*>(rows[k].m_originalContactPoint);
+      if (slides && holds(point)) continue;
+      const double one = speed_of(rows[k]), other = speed_of(rows[k + 1]), speed = std::hypot(one, other);
+      if (!(speed > 0.0)) continue;
+      const Turn turn{one / speed, other / speed};
+      if (slides) turn.of(point.m_lateralFrictionDir1, point.m_lateralFrictionDir2);
+      turn_rows(turn, rows[k], rows[k + 1], data, softness, solver.m_sor);
+    }
   }
 }
 

@@ -10,13 +10,11 @@ class btMultiBodyDynamicsWorld;
 
 namespace smartmesh {
 
-// Tells a contact of a robot a direction `along` its slip: friction then has an axis there.
-void tell_axis(const btVector3& along, btManifoldPoint& point);
-
-// Turns the two rows of friction of each contact that has been told an axis. The solver limits their sum by a cone, but
-// weighs the slip along each row by the mass that it meets there: a wheel that spins between the rows would be held
-// less, and pushed to its side. It is a constraint without rows of its own, since the solver asks all constraints of a
-// robot for theirs once the contacts have theirs. The world owns it, as its other constraints.
+// Turns the two rows of friction of each contact of a robot that slips into the slip, on whatever it touches, and the
+// two of friction against rolling into the way it rolls. The solver limits their sum by a cone, but weighs the slip
+// along each row by the mass that it meets there: a wheel that spins between the rows would be held less, and pushed to
+// its side. It is a constraint without rows of its own, since the solver asks all constraints of a robot for theirs
+// once the contacts have theirs. The world owns it, as its other constraints.
 class FrictionAxes final : public btMultiBodyConstraint {
  public:
   // Adds them to a world for the robot of a link; null if the object is no link. PyBullet deletes them with the robot.

@@ -69,8 +69,6 @@ void Narrowphase::tell(Slot& slot, const Approach& approach, const Vec3& pull, b
     static const std::vector<OldContact> NONE;
     const auto& before = slot.object->hasAnisotropicFriction() ? NONE : before_;
     find_slips(contacts_, before, approach, pull, slot.pull, mass_of(*slot.object), rows_);
-  } else {
-    find_robot_slips(contacts_, before_, approach, pull, mass_of(*slot.object), rows_);
   }
   const bool ground_is_b = manifold.getBody0() == slot.object;
   const double slop = now_.world.getSolverInfo().m_linearSlop, anchor = anchor_time(step);

@@ -22,9 +22,6 @@ constexpr double LEAST_ACROSS = 0.01;
 // A slip has a direction if it is faster than rounding makes it [m/s], and than this share of what friction can stop in
 // a step: below it, the next push may come from anywhere.
 constexpr double SLOWEST_SLIP = 1e-7, LEAST_HELD = 0.1;
-// Share of the most friction below which a contact of a robot holds. Solvers reach all of it within rounding; that of
-// soil changes from step to step.
-constexpr double MOST_HELD = 0.9;
 
 // Returns what the friction of a contact in the last step leaves of the cone across its direction, as a share of the
 // most, if an `impact` [N s] comes to what the contact carried then.
@@ -182,19 +179,6 @@ void find_slips(const std::vector<Contact>& contacts, const std::vector<OldConta
     const double closing = rows[k].speed - dot(rows[k].normal, velocity) - norm(pull);           // without gravity
     const double impact = rows[k].softness > 0.0 ? 0.0 : rows[k].mass * std::max(0.0, closing);  // springs have none
     if (norm(along) > SLOWEST_SLIP + LEAST_HELD * holds) rows[k].slip = {along, across_slip(old, friction, impact)};
-  }
-}
-
-void find_robot_slips(const std::vector<Contact>& contacts, const std::vector<OldContact>& before,
-                      const Approach& approach, const Vec3& pull, double mass, std::vector<ContactRow>& rows) {
-  for (std::size_t k = 0; k < contacts.size(); ++k) {
-    const Vec3 velocity = approach.velocity_at(rows[k].at) + approach.ground - rows[k].slide,
-               along = perpendicular(velocity, contacts[k].normal);
-    const OldContact* old = matching(contacts[k], before, approach.duration);
-    const double most = old == nullptr ? 0.0 : rows[k].friction.sliding * old->normal_impulse;
-    const bool holds = most > 0.0 && norm(old->friction) < MOST_HELD * most;
-    const double least = most > 0.0 ? LEAST_HELD * most * static_cast<double>(contacts.size()) / mass : norm(pull);
-    if (!holds && norm(along) > SLOWEST_SLIP + least) rows[k].slip.along = along;
   }
 }
 

@@ -64,9 +64,4 @@ void resist_rolling(const std::vector<Contact>& contacts, const Approach& approa
 void find_slips(const std::vector<Contact>& contacts, const std::vector<OldContact>& before, const Approach& approach,
                 const Vec3& pull, const Vec3& last_pull, double mass, std::vector<ContactRow>& rows);
 
-// Sets the slips of the rows of a link of a robot of a `mass` [kg]. What holds has none: its friction is any that holds
-// it, and would change with its axes.
-void find_robot_slips(const std::vector<Contact>& contacts, const std::vector<OldContact>& before,
-                      const Approach& approach, const Vec3& pull, double mass, std::vector<ContactRow>& rows);
-
 }  // namespace smartmesh

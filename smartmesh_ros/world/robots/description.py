@@ -209,6 +209,8 @@ def named_file(name: str, folder: Path | None) -> Path:
     """
     if "\0" in name or not name.strip():
         raise InputError("urdf", f"the URDF names a file {name!r}")
+    if "$(" in name:
+        raise _not_expanded(name)
     scheme = _SCHEME.match(name)
     rest = name[scheme.end() :] if scheme else name
     package, _, inside = rest.partition("/")
@@ -226,7 +228,9 @@ def named_file(name: str, folder: Path | None) -> Path:
     except (OSError, RuntimeError, ValueError) as error:
         raise InputError("urdf", f"{name[:200]!r} is not a path: {error}") from None
     if scheme and scheme[1] == "package" and package_folder(package) is None:
-        raise InputError("urdf_package", f"package {package!r} is not installed, or not sourced")
+        words = f"package {package!r} is not installed, or not sourced"
+        unnamed = f"{name[:200]!r} names no package; write package://<package>/<file>"
+        raise InputError("urdf_package", words if package else unnamed)
     words = "; a text has no folder, so name meshes by their full paths or by package://, or give the path of the file"
     missing = f"the URDF names a file {name[:200]!r} that does not exist"
     raise InputError("no_asset", missing + (words if folder is None else ""))

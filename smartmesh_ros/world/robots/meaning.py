@@ -39,12 +39,12 @@ class Mimic(NamedTuple):
 
 
 def mimics_of(robot: Description) -> tuple[Mimic, ...]:
-    """Return the joints that mimic others. Raises `InputError` if one mimics a joint that cannot move or is not
-    there."""
+    """Return the joints that mimic others; fixed ones do not. Raises `InputError` if one mimics a joint that cannot
+    move or is not there."""
     movable = {joint.name for joint in robot.joints if joint.kind in MOVABLE}
     found = {}
     for joint in robot.joints:
-        for element in joint.element.findall("mimic")[:1]:
+        for element in joint.element.findall("mimic")[:1] if joint.kind != "fixed" else ():
             leader = element.get("joint", "")
             if joint.name not in movable or leader not in movable or leader == joint.name:
                 raise InputError(

@@ -19,6 +19,7 @@ from smartmesh_ros.terrain.grid import FloatArray
 
 _STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEADER = 84  # bytes of a binary STL before its facets
+_POINTER = b"version https://git-lfs.github.com/spec/"
 _VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
 
 
@@ -33,6 +34,9 @@ def mesh_parts(path: Path, scale: tuple[float, float, float]) -> list[FloatArray
     if reader is None:
         raise _refused(path, f"only {', '.join(readers)} are read; convert it")
     try:
+        with path.open("rb") as file:
+            if file.read(len(_POINTER)) == _POINTER:
+                raise ValueError("it is a pointer of Git LFS; fetch the file itself: git lfs pull")
         parts = reader(path)
     except (OSError, ValueError, LookupError, TypeError, ElementTree.ParseError) as error:
         raise _refused(path, str(error) or type(error).__name__) from None

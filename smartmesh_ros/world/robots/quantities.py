@@ -1,7 +1,7 @@
 """The numbers of a robot description: all that PyBullet uses are there, and in a range that it can compute with.
 
-Sizes and masses must be numbers. In poses and limits PyBullet takes other text as zero, and some robots in use have
-such text there.
+Sizes, masses and moments of inertia must be numbers. In poses and limits PyBullet takes other text as zero, and some
+robots in use have such text there.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ SHAPES = {
     "capsule": {"radius": 1, "length": 1}, "mesh": {}, "plane": {},
 }  # fmt: skip
 _LARGEST_INERTIA = 1e18  # [kg m^2]
-# Of links [kg]; robots in use have frames of 1e-7 kg.
-_MASSES = (1e-9, MASSES[1])
+# Of links [kg]; robots in use have frames of 4e-15 kg.
+_MASSES = (1e-15, MASSES[1])
 _SCALES = (1e-6, 1e6)
 # Kinds of joints that move along or about one axis, and those of them that have limits of their position.
 MOVABLE = ("revolute", "continuous", "prismatic")
@@ -44,7 +44,7 @@ def check_quantities(robot: Description) -> None:
         if joint.kind in LIMITED and joint.element.find("limit") is None:
             raise InputError("urdf", f"{what} is {joint.kind} and has no <limit>; give it one, or make it continuous")
         for axis in joint.element.findall("axis"):
-            _require_finite(axis, "xyz", what)
+            _require_vector(axis, "xyz", what)
             if joint.kind in MOVABLE and not any(vector_of(axis, "xyz", 1.0)):
                 raise InputError("urdf", f"the axis of {what} is zero")
         for tag, keys in (("limit", ("lower", "upper", "effort", "velocity")), ("dynamics", ("damping", "friction")),
@@ -99,6 +99,17 @@ def _require_finite(element: ElementTree.Element, key: str, what: str) -> list[f
     return values
 
 
+def _require_vector(element: ElementTree.Element, key: str, what: str) -> list[float]:
+    """Return the numbers in an attribute. Raises `InputError` unless all are finite, and for fewer than three words, of
+    which PyBullet reads none."""
+    values, text = _require_finite(element, key, what), element.get(key, "")
+    if 0 < len(text.split()) < 3:
+        raise InputError(
+            "urdf", f"{key} of the {element.tag} of {what} is {text[:80]!r}; it must be 3 numbers with spaces between"
+        )
+    return values
+
+
 def limits_of(limit: ElementTree.Element) -> tuple[float, float]:
     """Return the lowest and the highest position of a joint [rad, m], as PyBullet reads them; crossed = none."""
     return number_of(limit, "lower", 0.0), number_of(limit, "upper", -1.0)
@@ -113,7 +124,7 @@ def mass_of(link: ElementTree.Element) -> float | None:
 def _check_pose(element: ElementTree.Element, what: str) -> None:
     for origin in element.findall("origin"):
         for key in ("xyz", "rpy"):
-            if any(abs(value) > FARTHEST_BODY for value in _require_finite(origin, key, what)):
+            if any(abs(value) > FARTHEST_BODY for value in _require_vector(origin, key, what)):
                 raise InputError("urdf", f"{key} of the origin of {what} is more than {FARTHEST_BODY:g}")
 
 
@@ -121,6 +132,8 @@ def _check_inertial(inertial: ElementTree.Element, what: str) -> None:
     _check_pose(inertial, what)
     mass, inertia = inertial.find("mass"), inertial.find("inertia")
     for element in inertial.findall("inertia"):
+        for key in ("ixx", "iyy", "izz"):
+            numbers(element, key, what, 1)
         for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"):
             if any(abs(value) > _LARGEST_INERTIA for value in _require_finite(element, key, what)):
                 raise InputError("urdf", f"{key} of {what} is more than {_LARGEST_INERTIA:g} kg m^2")
