@@ -125,10 +125,13 @@ bool comes_over(const MovingPoint& point, const Vec3& n, double distance, double
   // A point that comes down on one facet may slide on to the next one within the step.
   const Vec3 way = point.velocity * duration, end = point.at + way - n * point.radius;
   const double slide = closing * duration;
-  if (!inside_triangle(then, p[k[0]], p[k[1]], p[k[2]], facet.normal, slide) &&
-      !inside_triangle(projected + way + n * slide, p[k[0]], p[k[1]], p[k[2]], facet.normal, slide))
+  const Vec3 under = projected + way + n * slide;
+  if (patch.is_mesh)
+    return (inside_triangle(then, p[k[0]], p[k[1]], p[k[2]], facet.normal, slide) ||
+            inside_triangle(under, p[k[0]], p[k[1]], p[k[2]], facet.normal, slide)) &&
+           penetrated(point.inside + way, end, patch) == &facet;
+  if (!is_over(end, p[k[0]], p[k[1]], p[k[2]]) && !inside_triangle(under, p[k[0]], p[k[1]], p[k[2]], facet.normal, 0.0))
     return false;
-  if (patch.is_mesh) return penetrated(point.inside + way, end, patch) == &facet;
   double depth;
   const int out = way_out({end, point.velocity, 0.0, 0.0, point.inside + way}, patch, depth);
   return out >= 0 && &patch.facets[out] == &facet;
