@@ -18,7 +18,7 @@ constexpr double SEAT = 0.02;
 // Features that are apart may turn into their cones within the step; those that overlap may leave them by `seat`.
 inline double cone_slack(const Approach& approach, const Vec3& n, double distance, double seat = CONE_TOLERANCE) {
   if (distance <= -approach.margin) return seat;
-  const double slack = CONE_TOLERANCE + std::min(1.0, approach.angle_after_impact(n));
+  const double slack = CONE_TOLERANCE + approach.angle_after_impact(n);
   return distance > 0.0 ? slack : std::max(seat, slack);
 }
 

@@ -36,6 +36,10 @@ struct Contact {
 // other end hits the ground reaches 1.5 times its speed, the corner of a plate 1.7 times.
 constexpr double IMPACT = 2.0;
 
+// Largest angle by which a body turns in a step [rad]: PyBullet turns no free body farther. Where a link does, its
+// features of now say nothing of what it touches then.
+constexpr double MOST_TURN = 0.25 * M_PI;
+
 // Motion of a body relative to ground that moves as one, and how far contacts are looked for. Contacts have velocities
 // of their own, which differ from that of this ground by at most what `margin` allows for.
 struct Approach {
@@ -48,6 +52,7 @@ struct Approach {
   // Of shapes that are touched at several places at once: IMPACT, the angle by which the shape rotates [rad], and the
   // bounding radius [m].
   double impact = 1.0, angle = 0.0, size = 1e300;
+  double farthest = 1e300;  // that a point of the shape comes in the step, however fast the shape spins [m]
 
   // Returns the same with a margin that is larger `by` so much [m].
   Approach with_margin(double by) const {
@@ -61,13 +66,16 @@ struct Approach {
     return velocity_at(contact.point) + ground - contact.ground.velocity;
   }
   // Angle by which the shape may rotate in the step, also after an impact along `n` [rad].
-  double angle_after_impact(const Vec3& n) const { return angle + std::max(0.0, -dot(n, linear)) * duration / size; }
+  double angle_after_impact(const Vec3& n) const {
+    return std::min(angle + std::max(0.0, -dot(n, linear)) * duration / size, MOST_TURN);
+  }
   // Distance up to which a point that moves at `v` may come to the ground in the step [m], also after an impact
   // elsewhere.
-  double contact_distance(const Vec3& v) const { return margin + impact * norm(v) * duration; }
+  double contact_distance(const Vec3& v) const { return contact_distance(norm(v)); }
+  double contact_distance(double speed) const { return margin + std::min(impact * speed * duration, farthest); }
   // The same for any point of a ball around `p`.
   double contact_distance(const Vec3& p, double radius) const {
-    return margin + impact * (norm(linear) + norm(angular) * (norm(p - centre) + radius)) * duration;
+    return contact_distance(norm(linear) + norm(angular) * (norm(p - centre) + radius));
   }
 };
 

@@ -91,7 +91,7 @@ class CylinderTouch {
     touch_facet(facet, normal, normal, 0);
     if (norm(tilting_) * radius_ > approach_.margin) touch_facet(facet, normal, normal - cross(tilting_, normal), 10);
     const double along = dot(normal, axis_);
-    if (std::abs(along) > std::cos(std::min(approach_.angle_after_impact(normal), 0.5 * M_PI)))
+    if (std::abs(along) > std::cos(approach_.angle_after_impact(normal)))
       touch_facet(facet, normal, axis_ * (2.0 * along) - normal, 20);
   }
 

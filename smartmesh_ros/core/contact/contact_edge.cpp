@@ -81,7 +81,7 @@ void touch_edge(const Convex& shape, const Pose& pose, int index, const Patch& p
   const Vec3 a = pose.to_world(shape.core.vertices[edge.end[0]]), b = pose.to_world(shape.core.vertices[edge.end[1]]);
   const Vec3 middle = (a + b) * 0.5, velocity = approach.velocity_at(middle);
   const double spin = norm(approach.angular) * 0.5 * norm(b - a);
-  const double contact_distance = approach.margin + approach.impact * (norm(velocity) + spin) * approach.duration,
+  const double contact_distance = approach.contact_distance(norm(velocity) + spin),
                most = shape.rounding + contact_distance;
   if (std::min(a.z, b.z) - most > patch.highest) return;
   Bounds bounds;

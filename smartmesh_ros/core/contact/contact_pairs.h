@@ -21,7 +21,7 @@ struct MovingPoint {
 // shape may rotate before the plane touches it [rad].
 inline bool faces(const MovingPoint& point, const Vec3& n, double angle = 0.0) {
   const Vec3 inwards = point.inside - point.at;
-  return dot(n, inwards) >= -point.radius - std::min(1.0, angle) * norm(inwards);
+  return dot(n, inwards) >= -point.radius - angle * norm(inwards);
 }
 
 // Kinds of features of a body, for their names.

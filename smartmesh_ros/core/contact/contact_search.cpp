@@ -103,6 +103,8 @@ void ContactSearch::run(const Convex& shape, const Pose& pose, Tiles& tiles, dou
   if (shape.core.vertices.size() != 1)  // no ball
     approach.impact = IMPACT, approach.angle = norm(approach.angular) * approach.duration,
     approach.size = shape.bounding_radius;
+  approach.farthest =
+      norm(approach.linear) * approach.duration + norm(pose.at - approach.centre) + shape.bounding_radius;
   const double grown = approach.contact_distance(pose.at, shape.bounding_radius);
   const Bounds bounds = bounds_of(shape, pose).grown(grown);
   if (!std::isfinite(norm2(bounds.low) + norm2(bounds.high))) return;
