@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
-import numpy as np
 import pybullet as pb
 
 from smartmesh_ros.core.body_shape import BodyShape
@@ -19,7 +18,6 @@ from smartmesh_ros.ground.limits import FASTEST_SPIN, MASSES, require_between
 from smartmesh_ros.ground.shapes import Box, Cylinder, Hull, Shape, Solid, Sphere, box_around
 from smartmesh_ros.ground.state import BodyState
 from smartmesh_ros.ground.transform import IDENTITY, Transform, fixed_to
-from smartmesh_ros.terrain.grid import FloatArray
 from smartmesh_ros.world.joints import JointCommand, command_joint
 from smartmesh_ros.world.link_frames import LinkFrames
 from smartmesh_ros.world.robots.loading import (
@@ -76,7 +74,7 @@ class Body:
     notes: tuple[str, ...] = ()  # what its description was taken as, for the user
     warnings: tuple[str, ...] = ()  # what its author likely did not mean
     fixed: bool = False  # a robot whose base has no mass, so that physics does not move it
-    box: Box | None = None  # of a robot: the box around its links at joint positions zero, relative to its base
+    box: Box | None = None  # of a robot: the box around its links where joints start, in the frame of its `state`
     shapes: dict[int, BodyShape] = field(default_factory=dict)  # of a robot's links
     frames: LinkFrames | None = None  # of a robot's links
     surfaces: Mapping[str, SurfaceDrive] = field(default_factory=dict)  # of a robot, that are driven
@@ -98,6 +96,16 @@ class Body:
     def is_robot(self) -> bool:
         """True if the body is a URDF robot."""
         return self.urdf is not None
+
+    @property
+    def centre(self) -> Transform:
+        """The centre of mass in the frame of the base link, with the axes of this frame."""
+        return Transform(self.inertial.translation)
+
+    @property
+    def axes(self) -> Transform:
+        """The principal axes of inertia, along which PyBullet turns a body, in the axes of the base link's frame."""
+        return Transform(rotation=self.inertial.rotation)
 
     def joint(self, name: str) -> int:
         """Return PyBullet's index of a joint; raises `InputError` if there is none."""
@@ -170,7 +178,7 @@ class BodyFactory:
         uid = load_robot(self._client, robot, URDF_FLAGS)
         with undone(lambda: self._client.removeBody(uid)):
             body = self._robot(name, uid, robot)
-            body.initial = fixed_to(state, Transform(rotation=body.inertial.rotation))
+            body.initial = fixed_to(state, body.axes)
             body.friction, body.restitution = material or BodyMaterial(self.config.friction, self.config.restitution)
             self._set_contacts(body, robot.text)
             shares = self.damp(body)
@@ -178,8 +186,7 @@ class BodyFactory:
                 words = f"joints that have less damping than given, as much as a step bears: {', '.join(less)}"
                 body.warnings = (*body.warnings, words)
             body.fixed = is_fixed(self._client, uid)
-            self.place(body, BodyState())
-            body.box = box_around(*bounds_of(self._client, body))
+            body.box = self._box_of(body)
             self.place(body, body.initial)
         return body
 
@@ -223,6 +230,15 @@ class BodyFactory:
         body.mass = sum(client.getDynamicsInfo(uid, index)[0] for index in range(-1, client.getNumJoints(uid)))
         return body
 
+    def _box_of(self, body: Body) -> Box:
+        """Return the box around a robot's links where their joints start, in the frame of its `state`."""
+        assert body.frames is not None
+        root = fixed_to(BodyState(), body.centre.inverse())
+        frames = body.frames.states(root, {at: (body.starts.get(name, 0.0), 0.0) for name, at in body.joints.items()})
+        inertial = {link: Transform(*self._client.getDynamicsInfo(body.uid, link)[3:5]) for link in body.shapes}
+        poses = [Transform.of(fixed_to(frames[link + 1], pose)) for link, pose in inertial.items()]
+        return box_around(*Underside([*body.shapes.values()], poses).bounds(BodyState()))
+
     def damp(self, body: Body) -> dict[int, float]:
         """Give a robot's joints the damping of its URDF, or as much of it as is stable with the present steps and
         posture. Returns the share of its damping that each joint has, by PyBullet's index."""
@@ -240,9 +256,14 @@ class BodyFactory:
             if link is None or link.find("contact/restitution") is None:
                 self._client.changeDynamics(body.uid, index, restitution=body.restitution)
 
+    def state(self, body: Body) -> BodyState:
+        """Return the state of a body's centre of mass, turned as PyBullet turns it: along its principal axes."""
+        client = self._client
+        return BodyState(*client.getBasePositionAndOrientation(body.uid), *client.getBaseVelocity(body.uid))
+
     def move(self, body: Body, state: BodyState) -> None:
-        """Set the state of a body; a robot's joints stay as they are. A fixed base takes no velocity, because PyBullet
-        would move it on with this velocity for ever."""
+        """Set the state of a body as `state` tells it; a robot's joints stay. A fixed base takes no velocity, because
+        PyBullet would move it on with this velocity for ever."""
         self._client.resetBasePositionAndOrientation(body.uid, state.position, state.orientation)
         if not body.fixed:
             self._client.resetBaseVelocity(body.uid, state.linear, state.angular)
@@ -273,9 +294,3 @@ class BodyFactory:
         if shape not in self._shapes:
             self._shapes[shape] = self._client.createCollisionShape(**shape.bullet())
         return self._shapes[shape]
-
-
-def bounds_of(client: Any, body: Body) -> tuple[FloatArray, FloatArray]:
-    """Return the lowest and highest corner (3,) [m] of the axis-aligned bounds of a body, of a robot with its links."""
-    bounds = np.array([client.getAABB(body.uid, link) for link in body.links])
-    return bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)

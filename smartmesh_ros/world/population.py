@@ -137,16 +137,15 @@ class Population(Driving):
             self._remove(name)
 
     def move(self, name: str, state: BodyState) -> None:
-        """Set the state of a simulated body's centre of mass, turned as `state` tells it; a robot's joints stay as they
-        are. A robot whose base is fixed takes no velocity. Raises `InputError` if the body is not simulated, or the
-        state is impossible."""
+        """Set the state of a simulated body, as `state` tells it; a robot's joints stay as they are. A robot whose base
+        is fixed takes no velocity. Raises `InputError` if the body is not simulated, or the state is impossible."""
         body = self._own_body(name)
         require_possible(name, state)
         if body.tracked:
             raise InputError("tracked", f"the pose of {name!r} is dictated by its topic; only simulated bodies move")
-        before = self.state(name)
+        before = self._factory.state(body)
         with undone(lambda: self._factory.move(body, before)):
-            self._factory.move(body, state)
+            self._factory.move(body, fixed_to(state, body.axes))
             self.ground.wake(body.uid)
 
     def wake(self, name: str | None = None) -> None:
@@ -158,14 +157,15 @@ class Population(Driving):
         return self.ground.is_asleep(self.body(name).uid)
 
     def state(self, name: str) -> BodyState:
-        """Return the state of a body's centre of mass; that of a robot is turned along the principal axes of inertia of
-        its root link."""
+        """Return the state of a body's centre of mass; of a robot, that of its root link, with the orientation of this
+        link's frame."""
         body = self.body(name)
-        return BodyState(*self.client.getBasePositionAndOrientation(body.uid), *self.client.getBaseVelocity(body.uid))
+        return frame_state(self._factory.state(body), body.axes)
 
     def base_state(self, name: str) -> BodyState:
         """Return the state of the frame of a robot's base link; of another body, the state of its centre of mass."""
-        return frame_state(self.state(name), self.body(name).inertial)
+        body = self.body(name)
+        return frame_state(self._factory.state(body), body.inertial)
 
     @property
     def dt(self) -> float:

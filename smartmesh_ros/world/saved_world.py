@@ -62,7 +62,7 @@ class SavedWorld(Population):
 
     def _snapshot_of(self, body: Body) -> BodySnapshot:
         return BodySnapshot(
-            name=body.name, state=self.state(body.name), initial=body.initial, radius=body.radius, mass=body.mass,
+            name=body.name, state=self._factory.state(body), initial=body.initial, radius=body.radius, mass=body.mass,
             shape=body.shape, tracked=body.tracked, urdf=body.urdf, friction=body.friction,
             restitution=body.restitution, commands=dict(body.commands), belts=self._belts(body),
             joints={name: self.client.getJointState(body.uid, index)[:2] for name, index in body.joints.items()},
@@ -242,7 +242,7 @@ class SavedWorld(Population):
             material = BodyMaterial(body.friction, body.restitution)
             if body.name in robots:
                 robot = self._factory.robot(body.name, robots[body.name], body.state, material)
-                self._factory.move(robot, body.state)  # as PyBullet turns it: along the principal axes
+                self._factory.move(robot, body.state)
                 self._add(robot)
             elif body.tracked:
                 self.track(body.name, body.shape or body.radius, body.state)

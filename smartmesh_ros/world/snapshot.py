@@ -27,7 +27,8 @@ from smartmesh_ros.world.settings import FallConfig, GuestConfig, WorldConfig
 
 @dataclass(frozen=True, kw_only=True)
 class BodySnapshot:
-    """One body, simulated or ``tracked``. ``shape``: of a body that is no robot; ``radius`` [m]: bounding radius;
+    """One body, simulated or ``tracked``. ``state`` and ``initial`` are turned as PyBullet turns bodies, along their
+    principal axes of inertia. ``shape``: of a body that is no robot; ``radius`` [m]: bounding radius;
     ``urdf``: file or text of a robot. ``joints``: position and velocity by name [rad, rad/s or m, m/s]; ``commands``:
     current commands of the joints; ``belts``: moving surfaces by link, "" = of a body that is no robot; ``ends``: times
     at which the velocities of joints and surfaces end [s]."""

@@ -47,10 +47,15 @@ class Underside:
         self._core: Any = CORE.LowerSurface(list(shapes))
         self._poses = poses
 
+    def bounds(self, state: BodyState) -> tuple[FloatArray, FloatArray]:
+        """Return the lowest and highest corner (3,) [m] of the box around all parts in a state."""
+        low, high = self._core.bounds(self._placed(state))
+        return low, high
+
     def samples(self, state: BodyState) -> tuple[FloatArray, float]:
         """Return points (n, 3) [m] of the surface in a state, among them the lowest of each part, and their spacing
         [m]."""
-        low, high = self._core.bounds(self._placed(state))
+        low, high = self.bounds(state)
         axes = [np.linspace(low[axis], high[axis], SAMPLES) for axis in (0, 1)]
         xy = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
         points = np.concatenate([self.at(state, xy), self.lowest(state, np.array([[0.0, 0.0, 1.0]]))])

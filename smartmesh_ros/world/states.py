@@ -7,7 +7,9 @@ import numpy as np
 from smartmesh_ros.ground.bullet import BulletCalls
 from smartmesh_ros.ground.shapes import padded_dimensions
 from smartmesh_ros.ground.state import BODY_COLUMNS
+from smartmesh_ros.ground.transform import IDENTITY
 from smartmesh_ros.world.bodies import Body
+from smartmesh_ros.world.link_frames import frame_pose
 from smartmesh_ros.world.state_table import StateTable
 from smartmesh_ros.world.world import World
 
@@ -28,6 +30,8 @@ class SimulatedStates:
         numbers = self._world.ground.contacts.states_of(self._slots)
         # A robot's first attached link may not be its base.
         numbers[self._robots] = BulletCalls(self._world.client).states(self._uids)
+        for row, body in self._askew:
+            numbers[row, 3:7] = frame_pose(numbers[row, :7], body.axes)[3:]
         return self._bodies._replace(numbers=numbers)
 
     def _describe(self) -> None:
@@ -37,6 +41,7 @@ class SimulatedStates:
         self._slots = np.array([followers.of(body.uid)[0] for body in bodies], np.int64)
         self._robots = np.array([body.is_robot for body in bodies], bool)
         self._uids = [body.uid for body in bodies if body.is_robot]
+        self._askew = [(row, body) for row, body in enumerate(bodies) if body.axes != IDENTITY]
         self._bodies = body_table(bodies)
 
 

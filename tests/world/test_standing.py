@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from smartmesh_ros import BodyState, Box, Capsule, Cylinder, HeightMap, InputError, JointCommand, Sphere, Terrain, World
 from smartmesh_ros.ground.shapes import Shape
+from smartmesh_ros.world.states import SimulatedStates
 from tests import urdfs
 from tests.bodies import about_z, reach, rotation, surface_of
 from tests.grounds import shaped
@@ -140,7 +141,8 @@ def test_over_holes_beside_the_map_and_without_one_it_is_refused(place: tuple[fl
 
 @pytest.mark.parametrize("on_ground", [False, True])
 def test_a_robot_is_turned_as_its_root_link_is_whatever_its_axes_of_inertia(on_ground: bool) -> None:
-    """At the start, in a reset and in place of another; its saved state is the same to the last bit."""
+    """At the start, in a reset, where it is moved and in place of another; its box is, too. Its saved state is the same
+    to the last bit."""
     slab = urdfs.robot(urdfs.link("slab", urdfs.box((0.6, 0.4, 0.1)), 2.0, (0.6, 0.4, 0.1), at="0.1 0 0.05"))
     askew = slab.replace("<inertial><origin", '<inertial><origin rpy="0.3 0.9 1.2"')
     heading = about_z(0.7)
@@ -150,6 +152,12 @@ def test_a_robot_is_turned_as_its_root_link_is_whatever_its_axes_of_inertia(on_g
         put = world.base_state("slab")
         assert world.base_state("askew").orientation == pytest.approx(heading, abs=1e-9)
         assert world.base_state("askew").position == pytest.approx(put.position, abs=1e-6)
+        slab_body, askew_body = world.bodies["slab"], world.bodies["askew"]
+        assert askew_body.outline.dimensions == pytest.approx(slab_body.outline.dimensions, abs=1e-6)
+        for _ in range(2):
+            assert SimulatedStates(world).read().numbers[:, 3:7] == pytest.approx(np.array([heading] * 2), abs=1e-9)
+            assert world.state("askew").orientation == pytest.approx(heading, abs=1e-9)
+            world.move("askew", world.state("askew"))
         world.reset()
         assert world.base_state("askew").orientation == pytest.approx(heading, abs=1e-9)
         saved = world.snapshot()

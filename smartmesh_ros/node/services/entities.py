@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 
 from smartmesh_ros.errors import InputError
-from smartmesh_ros.ground.quaternions import rotated
 from smartmesh_ros.node.services.standard import tagged
 from smartmesh_ros.terrain.grid import FloatArray
-from smartmesh_ros.world.bodies import Body, bounds_of
+from smartmesh_ros.world.bodies import Body
 from smartmesh_ros.world.world import World
 
 # The classes of characters in POSIX regular expressions, which Python's lack.
@@ -96,7 +95,7 @@ def _bounds_filter(world: World, wanted: Any) -> Callable[[Body], bool]:
     low, high, reach = (points.min(axis=0), points.max(axis=0), 0.0) if box else (points[0], points[0], points[1, 0])
 
     def near(body: Body) -> bool:
-        body_low, body_high = bounds_of(world.client, body)
+        body_low, body_high = _bounds_of(world.client, body)
         gaps = np.maximum(np.maximum(body_low - high, low - body_high), 0.0)
         return bool(np.linalg.norm(gaps) <= reach)
 
@@ -109,5 +108,11 @@ def own_bounds(body: Body) -> tuple[FloatArray, FloatArray]:
     box = body.outline.body_shape
     half, centre = np.add(box.half, box.rounding), np.array(box.offset)
     own = centre + half * np.array(list(product((-1.0, 1.0), repeat=3)))
-    corners = body.inertial.translation + rotated(np.array(body.inertial.rotation), own)
+    corners = body.inertial.translation + own
     return np.min(corners, axis=0), np.max(corners, axis=0)
+
+
+def _bounds_of(client: Any, body: Body) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest and highest corner (3,) [m] of the axis-aligned bounds of a body, of a robot with its links."""
+    bounds = np.array([client.getAABB(body.uid, link) for link in body.links])
+    return bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)

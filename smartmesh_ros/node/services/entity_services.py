@@ -82,7 +82,7 @@ class EntityServices:
             session.world.spawn_robot(name, robot, state)
             body = session.world.bodies[name]
             body.initial = fixed_to(state, body.inertial)  # the pose is that of the base link
-            session.world.move(name, body.initial)
+            session.world.move(name, fixed_to(state, body.centre))
             session.start_of(name, body.initial)
         response.entity_name = name
 
@@ -183,7 +183,7 @@ class EntityServices:
             given = BodyState(given.position, given.orientation, now.linear, now.angular)
         if world.bodies[name].fixed and any((*given.linear, *given.angular)):
             raise InputError("fixed", f"the base of {name!r} is fixed and takes no velocity; leave the twist at zero")
-        world.move(name, fixed_to(given, world.bodies[name].inertial))
+        world.move(name, fixed_to(given, world.bodies[name].centre))
 
     def _placed(self, header: Any, state: BodyState) -> BodyState:
         """Return a state that is given in the frame of a header, of the terrain or of a body, in the terrain's frame.
